@@ -21,7 +21,7 @@ use splatblur::options::{BlurMode, Look, Prefilter, RenderOptions};
 use splatblur::reference::{ReferenceOptions, Sampler, render};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
-use splatblur::scene_file::{LoadOptions, load};
+use splatblur::scene_file::{SceneLoadOptions, load};
 use support::ideal_sphere::approaches_the_ideal_sphere;
 use support::plot::{Panel, Series, log_log};
 use support::{Arguments, rms};
@@ -69,7 +69,7 @@ fn slopes() {
     println!("| scene | sampler | {} | slope |", COUNTS.map(|n| n.to_string()).join(" | "));
     for (name, frame) in [("diagonal", 12), ("crossing", 12), ("checkerboard", 5)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
-        let mut scene = load(&path, &LoadOptions::default()).expect("a shipped scene").scene;
+        let mut scene = load(&path, &SceneLoadOptions::default()).expect("a shipped scene").scene;
         (scene.image.width, scene.image.height, scene.image.transparent) = (96, 72, true);
         let truth = picture(&scene, frame, Sampler::Sobol, TRUTH, 99);
         let samplers = [Sampler::Sobol, Sampler::Jittered { density: 4 }, Sampler::Random];
@@ -116,7 +116,7 @@ fn supersampling_on_shipped_scenes() {
     ];
     for (name, frame) in scenes {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
-        let mut scene = load(&path, &LoadOptions::default()).expect("a shipped scene").scene;
+        let mut scene = load(&path, &SceneLoadOptions::default()).expect("a shipped scene").scene;
         (scene.image.width, scene.image.height, scene.image.transparent) = (160, 120, true);
         let options = ReferenceOptions { samples: 1024, ..ReferenceOptions::default() };
         let made = render(&scene, frame, &options, None, &|_| ()).expect("valid options");

@@ -146,8 +146,8 @@ pub mod viewer;
 /// Types of public fields, results and errors that few programs name.
 pub mod fields {
     pub use crate::anim::{
-        AnimError, CameraTrack, Chain, Drift, Interpolation, Intrinsics, Location as AnimLocation, NodeAnimation,
-        NodeMotion, NodePose, NodeState, TrackFormat, TrackOptions,
+        AnimError, AnimLocation, CameraTrack, Chain, Drift, Interpolation, Intrinsics, NodeAnimation, NodeMotion,
+        NodePose, NodeState, TrackFormat, TrackOptions,
     };
     pub use crate::backend::{Achieved, Pixels, Waste};
     pub use crate::environment::NotLatLong;
@@ -155,8 +155,8 @@ pub mod fields {
     pub use crate::image::{Bits, Compression, Exr, Format, Precision};
     pub use crate::math::RotateOrder;
     pub use crate::model::{
-        ColourSpace, Kind, LoadOptions, MeshOptions, Normalisation, ParseError, Place, Spacing, Stop as TransferStop,
-        TransferFunction, TransferFunctionError, VolumeOptions,
+        ColourSpace, Kind, LoadOptions, MeshOptions, Normalisation, ParseError, Place, Spacing, TransferFunction,
+        TransferFunctionError, TransferStop, VolumeOptions,
     };
     pub use crate::options::{
         KernelShape, KernelWeight, Normalise, OptionError, Overlap, SourceSamples, TemporalAlpha, Times,

@@ -19,7 +19,7 @@ use crate::scene::{Object, Scene, Shape};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
-use self::queue::Sequence;
+use self::queue::RenderedFrames;
 pub use self::queue::{FinishedFrame, FrameError, FrameQueue};
 #[cfg(feature = "gpu")]
 pub use crate::backend::gpu::{AdapterReport, adapters};
@@ -117,7 +117,7 @@ impl Renderer {
         frames: impl IntoIterator<Item: Into<FrameNumber>, IntoIter: 'a>,
         options: &'a RenderOptions,
     ) -> impl Iterator<Item = Result<(FrameNumber, Rendered), BackendError>> + 'a {
-        Sequence::new(FrameQueue::new(&mut *self.backend, scene, options), frames.into_iter())
+        RenderedFrames::new(FrameQueue::new(&mut *self.backend, scene, options), frames.into_iter())
     }
 
     /// Takes a picture back that is no longer needed, so that a later one can have its memory.

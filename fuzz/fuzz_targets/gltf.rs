@@ -5,7 +5,7 @@ use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
 use splatblur::anim::GltfAnimation;
-use splatblur::model::{Format, LoadOptions, MeshOptions, Spacing, mesh, sample_mesh};
+use splatblur::model::{LoadOptions, MeshOptions, ModelFormat, Spacing, mesh, sample_mesh};
 
 fuzz_target!(|bytes: &[u8]| {
     // A path in a folder that is not there: no other file is read.
@@ -13,7 +13,7 @@ fuzz_target!(|bytes: &[u8]| {
     let sampling = MeshOptions { spacing: Spacing::Surfels(100), reduce: true };
     let options = LoadOptions { mesh: sampling, ..LoadOptions::default() };
     for node in [None, Some("#0")] {
-        if let Ok(Some(mesh)) = mesh::read(bytes, Format::Glb, path, node) {
+        if let Ok(Some(mesh)) = mesh::read(bytes, ModelFormat::Glb, path, node) {
             let _ = sample_mesh(mesh, &options, path, &|_, _| {});
         }
     }

@@ -2,8 +2,8 @@
 //! Any bytes as a model file: read or refused, never a panic.
 
 use libfuzzer_sys::fuzz_target;
-use splatblur::model::{Format, parse};
+use splatblur::model::{ModelFormat, parse};
 
 fuzz_target!(|bytes: &[u8]| {
-    let _ = parse(bytes, Format::Obj);
+    let _ = parse(bytes, ModelFormat::Obj);
 });

@@ -4,13 +4,13 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use splatblur::model::{Format, LoadOptions, MeshOptions, Spacing, parse, parse_mesh, sample_mesh};
+use splatblur::model::{LoadOptions, MeshOptions, ModelFormat, Spacing, parse, parse_mesh, sample_mesh};
 
 fuzz_target!(|bytes: &[u8]| {
-    let _ = parse(bytes, Format::Ply);
+    let _ = parse(bytes, ModelFormat::Ply);
     let sampling = MeshOptions { spacing: Spacing::Surfels(100), reduce: true };
     let options = LoadOptions { mesh: sampling, ..LoadOptions::default() };
-    if let Ok(Some(mesh)) = parse_mesh(bytes, Format::Ply) {
+    if let Ok(Some(mesh)) = parse_mesh(bytes, ModelFormat::Ply) {
         let _ = sample_mesh(mesh, &options, Path::new("nowhere/file.ply"), &|_, _| {});
     }
 });

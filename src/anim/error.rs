@@ -7,14 +7,14 @@ use crate::files::Changed;
 
 /// A line of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Location {
+pub struct AnimLocation {
     /// The file.
     pub path: PathBuf,
     /// Line number, from 1.
     pub line: usize,
 }
 
-impl fmt::Display for Location {
+impl fmt::Display for AnimLocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}", self.path.display(), self.line)
     }
@@ -64,7 +64,7 @@ pub enum AnimError {
     #[error("{at}: not a Maya .anim file: found {found}, expected `animVersion`")]
     NotAnim {
         /// Where the first word is.
-        at: Location,
+        at: AnimLocation,
         /// The first word, or what the data look like.
         found: String,
     },
@@ -72,7 +72,7 @@ pub enum AnimError {
     #[error("{at}: found {found}, expected {expected}")]
     Expected {
         /// Where.
-        at: Location,
+        at: AnimLocation,
         /// The text found.
         found: String,
         /// What the grammar expects.
@@ -82,7 +82,7 @@ pub enum AnimError {
     #[error("{at}: unknown {what} `{found}` (known: {known})")]
     UnknownUnit {
         /// Where.
-        at: Location,
+        at: AnimLocation,
         /// The header word.
         what: &'static str,
         /// The unit found.
@@ -97,7 +97,7 @@ pub enum AnimError {
     )]
     Comma {
         /// Where.
-        at: Location,
+        at: AnimLocation,
         /// The word found.
         found: String,
     },
@@ -105,7 +105,7 @@ pub enum AnimError {
     #[error("{at}: found `{found}`, expected a finite number of magnitude 1e30 or less")]
     NotFinite {
         /// Where.
-        at: Location,
+        at: AnimLocation,
         /// The word found.
         found: String,
     },

@@ -29,7 +29,7 @@ pub use animation::Animation;
 pub use camera_track::{CameraTrack, Intrinsics, TrackFormat, TrackOptions};
 pub use chain::Chain;
 pub use curve::Interpolation;
-pub use error::{AnimError, Location};
+pub use error::{AnimError, AnimLocation};
 pub use gltf::GltfAnimation;
 pub use load::{AnimationFile, load, open};
 pub use maya::parse;

@@ -242,8 +242,12 @@ impl Running {
         let restrict = self.restrict()?;
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
-        let options =
-            scene_file::LoadOptions { lenient: self.lenient, restrict, size: overrides.size, progress: Some(&step) };
+        let options = scene_file::SceneLoadOptions {
+            lenient: self.lenient,
+            restrict,
+            size: overrides.size,
+            progress: Some(&step),
+        };
         let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
         let kind = info::kind(&head, path);
         if kind == InputKind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
@@ -285,7 +289,7 @@ fn explained(error: ModelError) -> anyhow::Error {
         ModelError::UnknownFormat { path } => anyhow::anyhow!(
             "{} is neither a scene (XML) nor a model of a known format ({})",
             path.display(),
-            model::Format::KNOWN
+            model::ModelFormat::KNOWN
         ),
         other => other.into(),
     }

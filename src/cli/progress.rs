@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use splatblur::backend::{Meter, Reading};
-use splatblur::study::Progress;
+use splatblur::study::StudyProgress;
 
 /// Steps of a bar that shows a share.
 const STEPS: u64 = 1000;
@@ -30,7 +30,7 @@ impl Loading {
         Self(bar(STEPS, "{msg} [{wide_bar}] {percent}%", quiet))
     }
 
-    /// For [`splatblur::model::Progress`].
+    /// For [`splatblur::model::LoadProgress`].
     pub(super) fn step(&self, what: &str, share: f32) {
         if self.0.message() != what {
             self.0.set_message(what.to_owned());
@@ -149,15 +149,15 @@ impl Steps {
     }
 
     /// For [`splatblur::study::Tell`].
-    pub(super) fn tell(&self, progress: Progress<'_>) {
+    pub(super) fn tell(&self, progress: StudyProgress<'_>) {
         match progress {
-            Progress::At { step, what, share } => {
+            StudyProgress::At { step, what, share } => {
                 if self.0.message() != what {
                     self.0.set_message(what.to_owned());
                 }
                 self.0.set_position(step * STEPS + (share.clamp(0.0, 1.0) * STEPS as f32) as u64);
             }
-            Progress::SkipTo(step) => {
+            StudyProgress::SkipTo(step) => {
                 self.0.set_position(step * STEPS);
                 self.0.reset_eta();
             }

@@ -10,7 +10,9 @@ use splatblur::FrameNumber;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
-use splatblur::reference::{self, MOST_SAMPLES, ReferenceError, ReferenceOptions, SCRAMBLINGS, Sampler, Stats, Sums};
+use splatblur::reference::{
+    self, MOST_SAMPLES, ReferenceError, ReferenceOptions, ReferenceStats, SCRAMBLINGS, Sampler, Sums,
+};
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
@@ -215,7 +217,8 @@ impl Reference {
             written.with_context(|| format!("cannot write {}", sums_path.display()))?;
         }
         image::write(&path, &picture, output.format, &settings)?;
-        let Stats { samples, traced, mean_error, surfels, gaussians, hierarchy_bytes, build, trace, .. } = made.stats;
+        let ReferenceStats { samples, traced, mean_error, surfels, gaussians, hierarchy_bytes, build, trace, .. } =
+            made.stats;
         let (build_seconds, trace_seconds) = (build.as_secs_f64(), trace.as_secs_f64());
         Ok(FrameReport {
             frame,

@@ -6,7 +6,7 @@ use crate::time::FrameNumber;
 
 /// Where the files of a dataset lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Layout {
+pub enum FolderLayout {
     /// `images/` and all else in folders beside it, as nerfstudio expects with `transforms.json`.
     #[default]
     Nerfstudio,
@@ -14,7 +14,7 @@ pub enum Layout {
     Gopro,
 }
 
-impl Layout {
+impl FolderLayout {
     /// All, with their names.
     pub const ALL: [(&'static str, Self); 2] = [("nerfstudio", Self::Nerfstudio), ("gopro", Self::Gopro)];
 
@@ -56,7 +56,7 @@ pub struct File {
 
 /// The files of frame `frame` of the scene `name`.
 pub fn files(name: &str, frame: FrameNumber, recipe: &Recipe) -> Vec<File> {
-    let gopro = recipe.layout == Layout::Gopro;
+    let gopro = recipe.layout == FolderLayout::Gopro;
     let folder = if gopro { format!("{name}/") } else { String::new() };
     let number = match frame.get() {
         // As many digits as that dataset has.

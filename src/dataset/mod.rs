@@ -15,7 +15,7 @@ use crate::reference::ReferenceOptions;
 use crate::scene::Scene;
 use crate::time::{Shutter, Weight};
 
-pub use self::files::{File, Layout, Role, files};
+pub use self::files::{File, FolderLayout, Role, files};
 pub use self::frame::{DatasetError, FileContents, Made, frame};
 pub use self::noise::{Noise, NoiseError};
 pub use self::transforms::{Origin, TRANSFORMS, transforms};
@@ -30,7 +30,7 @@ const MIDDLE: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct Recipe {
     /// Where the files lie.
-    pub layout: Layout,
+    pub layout: FolderLayout,
     /// Sharp pictures, 1 to [`MOST_SHARP`].
     pub sharp: u32,
     /// How pictures are made.
@@ -90,7 +90,7 @@ mod tests {
 
     fn recipe(sharp: u32) -> Recipe {
         Recipe {
-            layout: Layout::Nerfstudio,
+            layout: FolderLayout::Nerfstudio,
             sharp,
             by: By::Splatting(RenderOptions::default()),
             format: Format::EXR,

@@ -89,7 +89,7 @@ fn area(scene: &Scene, object: &Object) -> f64 {
 
 /// How far an object moves over the screen during the exposure.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Motion {
+enum Movement {
     /// All its poses are the same, or it is never seen.
     Rests,
     /// Its path is shorter than [`STATIC_PATH`].
@@ -111,28 +111,28 @@ pub(super) fn hold_static(scene: &Scene, rasters: &mut [PosedRaster], stride: u3
         let poses: Vec<&PosedObject> = samples.iter().map(|sample| &sample.objects[index]).collect();
         motion(object, &poses, stride, near)
     };
-    let motions: Vec<Motion> = scene.objects.iter().enumerate().map(motion).collect();
+    let motions: Vec<Movement> = scene.objects.iter().enumerate().map(motion).collect();
     let middle = samples.get(samples.len() / 2).map_or_else(Vec::new, |sample| sample.objects.clone());
     let positions = rasters.iter_mut().flat_map(|raster| &mut raster.positions);
     for sample in positions.flat_map(|position| &mut position.groups).flat_map(|group| &mut group.samples) {
         for ((pose, held), motion) in sample.objects.iter_mut().zip(&middle).zip(&motions) {
-            if *motion == Motion::Short {
+            if *motion == Movement::Short {
                 *pose = *held;
             }
         }
     }
-    motions.into_iter().map(|motion| motion != Motion::Moves).collect()
+    motions.into_iter().map(|motion| motion != Movement::Moves).collect()
 }
 
 /// How far `object` moves; `poses` are those of all samples, rising in time.
-fn motion(object: &Object, poses: &[&PosedObject], stride: u32, near: f32) -> Motion {
-    let Some(first) = poses.first() else { return Motion::Rests };
+fn motion(object: &Object, poses: &[&PosedObject], stride: u32, near: f32) -> Movement {
+    let Some(first) = poses.first() else { return Movement::Rests };
     let differs = |pose: &PosedObject| pose.visible != first.visible || pose.elapsed != first.elapsed;
     if poses.iter().any(|pose| pose.moves || differs(pose)) {
-        return Motion::Moves;
+        return Movement::Moves;
     }
     if !first.visible || poses.iter().all(|pose| pose == first) {
-        return Motion::Rests;
+        return Movement::Rests;
     }
     // Gaussians may be far larger than the box of their centres, and a short path may change their order.
     if object.shape.is_composited() || object.shape.bounds().is_empty() {
@@ -140,7 +140,7 @@ fn motion(object: &Object, poses: &[&PosedObject], stride: u32, near: f32) -> Mo
     }
     let origin = object.shape.origin();
     let is_short = |corner: DVec3| path(poses, (corner - origin).as_vec3(), near) * (stride as f32) < STATIC_PATH;
-    if object.shape.bounds().corners().into_iter().all(is_short) { Motion::Short } else { Motion::Moves }
+    if object.shape.bounds().corners().into_iter().all(is_short) { Movement::Short } else { Movement::Moves }
 }
 
 /// Length of the path of a point of the model over the raster, raster pixels; infinite where it comes nearer than

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::cloud::{Cloud, ColourStorage, PLAIN};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
-use super::options::{ColourSpace, LoadOptions, Progress};
+use super::options::{ColourSpace, LoadOptions, LoadProgress};
 use super::surfels::{Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
 use super::{normals, radii};
@@ -32,7 +32,7 @@ const PARALLEL: f64 = 1e-4;
 pub fn complete(
     mut cloud: Cloud,
     options: &LoadOptions,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Result<(Surfels, Vec<String>), ModelError> {
     let mut notes = std::mem::take(&mut cloud.notes);
     drop_misfits(&mut cloud, &mut notes);
@@ -152,7 +152,7 @@ fn surfaces(
     cloud: &mut Cloud,
     position: &[Vec3],
     radius_scale: f64,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
     notes: &mut Vec<String>,
 ) -> (Vec<Vec3>, Vec<[Vec3; 2]>) {
     let points = position.len();
@@ -219,7 +219,7 @@ fn estimate(
     position: &[Vec3],
     normal: &mut [Vec3],
     radius: &mut [f32],
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
     notes: &mut Vec<String>,
 ) -> Option<bool> {
     let normals_missing = normal.contains(&Vec3::ZERO);

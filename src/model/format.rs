@@ -11,7 +11,7 @@ pub(super) const BIN_MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
 
 /// A file format of models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum ModelFormat {
     /// Polygon file format: point clouds, surfels, meshes whose vertices are taken as points, Gaussian-splat captures.
     Ply,
     /// `Pointshop3D` surfels.
@@ -38,7 +38,7 @@ pub enum Format {
     Nrrd,
 }
 
-impl Format {
+impl ModelFormat {
     /// The known formats, for messages.
     pub const KNOWN: &'static str = KNOWN_FORMATS;
 

@@ -10,9 +10,9 @@ use super::capture::{self, Gaussians};
 use super::cloud::{Cloud, ColourStorage};
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
-use super::format::Format;
+use super::format::ModelFormat;
 use super::mesh::{self, Mesh, Sampled, Unsampled};
-use super::options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
+use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
 use super::surfels::{Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
 use super::{bin, inward, obj, ply, sfl, tidy, xyz};
@@ -93,7 +93,7 @@ pub enum Parsed {
 ///
 /// # Errors
 /// The bytes are not a valid file of this format.
-pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
+pub fn parse(bytes: &[u8], format: ModelFormat) -> Result<Parsed, ParseError> {
     parse_told(bytes, format, &|_| {})
 }
 
@@ -101,7 +101,7 @@ pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
 ///
 /// # Errors
 /// The bytes are not a valid file of this format.
-pub fn parse_mesh(bytes: &[u8], format: Format) -> Result<Option<Mesh>, ParseError> {
+pub fn parse_mesh(bytes: &[u8], format: ModelFormat) -> Result<Option<Mesh>, ParseError> {
     Ok(match read(bytes, format, true, &|_| {})? {
         ModelContent::Mesh(cloud, triangles) => Some(mesh::of_cloud(cloud, triangles, None)),
         ModelContent::Capture(_) | ModelContent::Cloud(_) | ModelContent::Surfels(_) | ModelContent::Grid(_) => None,
@@ -112,7 +112,7 @@ pub fn parse_mesh(bytes: &[u8], format: Format) -> Result<Option<Mesh>, ParseErr
 ///
 /// # Errors
 /// The bytes are not a valid file of this format.
-pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, ParseError> {
+pub fn parse_capture(bytes: &[u8], format: ModelFormat) -> Result<Option<Gaussians>, ParseError> {
     Ok(match read(bytes, format, false, &|_| {})? {
         ModelContent::Capture(gaussians) => Some(gaussians),
         ModelContent::Cloud(_) | ModelContent::Mesh(..) | ModelContent::Surfels(_) | ModelContent::Grid(_) => None,
@@ -123,7 +123,7 @@ pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, 
 ///
 /// # Errors
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
-pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<LoadedModel, ModelError> {
+pub fn load(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> Result<LoadedModel, ModelError> {
     match open(path, options, progress)? {
         ReadFile::Ready(loaded) => Ok(*loaded),
         ReadFile::Mesh(mesh) => sample_mesh(mesh, options, path, progress),
@@ -139,7 +139,7 @@ pub(crate) enum ReadFile {
 }
 
 /// As [`load`], but a mesh is not sampled yet.
-pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<ReadFile, ModelError> {
+pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> Result<ReadFile, ModelError> {
     let ready = |loaded| ReadFile::Ready(Box::new(loaded));
     let (content, size) = match files::steady(|| contents(path, options, progress))? {
         Contents::Mesh(mesh) if options.mesh.spacing != Spacing::None => return Ok(ReadFile::Mesh(mesh)),
@@ -202,7 +202,7 @@ enum Contents {
 
 /// Reads the bytes of a model file, and those of the files that it names, and nothing more: what comes after need not
 /// be done again where a file has changed meanwhile.
-fn contents(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Contents, ModelError> {
+fn contents(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> Result<Contents, ModelError> {
     let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
     let of_input = |why| ModelError::of_input(path, why);
     refuse_by_name(path)?;
@@ -224,13 +224,14 @@ fn contents(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         return Ok(Contents::Other(ModelContent::Surfels(surfels), size));
     }
     let bytes = input.whole(u64::MAX).map_err(of_input)?;
-    let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
-    if options.node.is_some() && !matches!(format, Format::Glb | Format::Gltf) {
+    let format =
+        ModelFormat::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
+    if options.node.is_some() && !matches!(format, ModelFormat::Glb | ModelFormat::Gltf) {
         return Err(no_nodes());
     }
     let sampled = options.mesh.spacing != Spacing::None;
     if matches!(options.kind, None | Some(Kind::Surfels))
-        && (sampled || format != Format::Obj)
+        && (sampled || format != ModelFormat::Obj)
         && let Some(mesh) = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?
     {
         return Ok(Contents::Mesh(mesh));
@@ -244,7 +245,7 @@ fn completed(
     mut cloud: Cloud,
     options: &LoadOptions,
     path: &Path,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Result<LoadedModel, ModelError> {
     let mut notes = std::mem::take(&mut cloud.notes);
     if !cloud.density.is_empty() {
@@ -263,7 +264,12 @@ fn completed(
 }
 
 /// The vertices of a mesh as points.
-fn vertices(mesh: Mesh, options: &LoadOptions, path: &Path, progress: Progress<'_>) -> Result<LoadedModel, ModelError> {
+fn vertices(
+    mesh: Mesh,
+    options: &LoadOptions,
+    path: &Path,
+    progress: LoadProgress<'_>,
+) -> Result<LoadedModel, ModelError> {
     let cloud = Cloud {
         position: mesh.position,
         normal: mesh.normal,
@@ -275,7 +281,7 @@ fn vertices(mesh: Mesh, options: &LoadOptions, path: &Path, progress: Progress<'
     completed(tidy::tidy(cloud), options, path, progress)
 }
 
-fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
+fn parse_told(bytes: &[u8], format: ModelFormat, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
     Ok(tidied(read(bytes, format, false, progress)?))
 }
 
@@ -287,7 +293,7 @@ pub fn sample_mesh(
     mesh: impl Into<Arc<Mesh>>,
     options: &LoadOptions,
     path: &Path,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Result<LoadedModel, ModelError> {
     progress("sampling", 0.0);
     let loaded = sampled(mesh.into(), options.mesh, options.radius_scale).map_err(|why| match why {
@@ -391,25 +397,25 @@ enum ModelContent {
 }
 
 /// `faces`: files with faces are meshes.
-fn read(bytes: &[u8], format: Format, faces: bool, progress: &dyn Fn(f32)) -> Result<ModelContent, ParseError> {
+fn read(bytes: &[u8], format: ModelFormat, faces: bool, progress: &dyn Fn(f32)) -> Result<ModelContent, ParseError> {
     Ok(match format {
-        Format::Ply => match ply::parse(bytes, faces, progress)? {
+        ModelFormat::Ply => match ply::parse(bytes, faces, progress)? {
             ply::PlyContent::Cloud(cloud) => ModelContent::Cloud(cloud),
             ply::PlyContent::Mesh(cloud, triangles) => ModelContent::Mesh(cloud, triangles),
             ply::PlyContent::Capture(gaussians) => ModelContent::Capture(gaussians),
         },
-        Format::Sfl => ModelContent::Cloud(sfl::parse(bytes, progress)?),
-        Format::Obj => ModelContent::Cloud(obj::parse(bytes, progress)?),
-        Format::Xyz => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Xyz, progress)?),
-        Format::Pts => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Pts, progress)?),
-        Format::Splat => ModelContent::Capture(capture::parse_splat(bytes, progress)?),
-        Format::Sog => ModelContent::Capture(capture::parse_sog(bytes, progress)?),
-        Format::Spz => ModelContent::Capture(capture::parse_spz(bytes)?),
-        Format::Glb => ModelContent::Capture(capture::parse_glb(bytes)?),
+        ModelFormat::Sfl => ModelContent::Cloud(sfl::parse(bytes, progress)?),
+        ModelFormat::Obj => ModelContent::Cloud(obj::parse(bytes, progress)?),
+        ModelFormat::Xyz => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Xyz, progress)?),
+        ModelFormat::Pts => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Pts, progress)?),
+        ModelFormat::Splat => ModelContent::Capture(capture::parse_splat(bytes, progress)?),
+        ModelFormat::Sog => ModelContent::Capture(capture::parse_sog(bytes, progress)?),
+        ModelFormat::Spz => ModelContent::Capture(capture::parse_spz(bytes)?),
+        ModelFormat::Glb => ModelContent::Capture(capture::parse_glb(bytes)?),
         // Its triangles are read by `mesh::read`.
-        Format::Gltf => return Err(ParseError::byte(0, "a glTF text without triangles", "triangles")),
-        Format::Bin => ModelContent::Surfels(bin::parse(bytes)?),
-        Format::Nrrd => ModelContent::Grid(volume::parse_nrrd(bytes, progress)?),
+        ModelFormat::Gltf => return Err(ParseError::byte(0, "a glTF text without triangles", "triangles")),
+        ModelFormat::Bin => ModelContent::Surfels(bin::parse(bytes)?),
+        ModelFormat::Nrrd => ModelContent::Grid(volume::parse_nrrd(bytes, progress)?),
     })
 }
 

@@ -56,13 +56,14 @@ pub use capture::{Gaussians, Optics};
 pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
-pub use format::Format;
+pub use format::ModelFormat;
 pub(crate) use inward::INWARD;
 pub use load::{LoadedModel, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub(crate) use load::{ReadFile, open};
-pub use options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
+pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
 pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels, VelocityUnit};
 pub use volume::{
-    Grid, KERNEL, MOST_EXTINCTION, Samples, Stop, TransferFunction, TransferFunctionError, VolumeFacts, VolumeOptions,
+    Grid, KERNEL, MOST_EXTINCTION, Samples, TransferFunction, TransferFunctionError, TransferStop, VolumeFacts,
+    VolumeOptions,
 };
 pub use write_ply::write_ply;

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use rstar::primitives::GeomWithData;
 use rstar::{RStarInsertionStrategy, RTree, RTreeParams};
 
-use super::options::Progress;
+use super::options::LoadProgress;
 use super::order::morton_codes;
 
 /// Points whose neighbours one task finds.
@@ -101,7 +101,7 @@ impl Neighbours {
     /// Finds the `count` nearest other points of each of some distinct points, or all others where there are fewer.
     ///
     /// It needs 4 bytes for each neighbour, and 80 for each point while it searches.
-    pub(super) fn new(points: &[Vec3], count: usize, progress: Progress<'_>) -> Self {
+    pub(super) fn new(points: &[Vec3], count: usize, progress: LoadProgress<'_>) -> Self {
         let row = count.min(points.len().saturating_sub(1));
         if row == 0 {
             return Self { row, index: Vec::new() };

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::neighbours::{Distinct, Neighbours};
-use super::options::Progress;
+use super::options::LoadProgress;
 use super::orient::orient;
 use super::radii;
 use super::sides::Discs;
@@ -40,7 +40,7 @@ pub(super) fn estimate(
     normal: &mut [Vec3],
     cloud: &Distinct,
     neighbours: &Neighbours,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Estimated {
     // If several points are in one place, the first that has a normal decides.
     let mut place = vec![Vec3::ZERO; cloud.position.len()];

@@ -79,4 +79,4 @@ impl Default for LoadOptions {
 }
 
 /// Receives the name of the current step and its finished share (0..=1). It is called from several threads.
-pub type Progress<'a> = &'a (dyn Fn(&str, f32) + Sync);
+pub type LoadProgress<'a> = &'a (dyn Fn(&str, f32) + Sync);

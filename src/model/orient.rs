@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::neighbours::{Neighbours, Tree};
-use super::options::Progress;
+use super::options::LoadProgress;
 use super::sides::directions;
 
 /// Least evidence, of at most 2, with which a component's own shape decides its sign.
@@ -33,7 +33,7 @@ pub(super) fn orient(
     normal: &mut [Vec3],
     given: Vec<bool>,
     neighbours: &Neighbours,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Vec<bool> {
     let mut forest = Forest::new(given);
     grow(&mut forest, position, normal, neighbours, progress);
@@ -55,7 +55,7 @@ pub(super) fn orient(
 type Edge = (u32, u32, u32);
 
 /// Joins points along the cheapest edges first (Kruskal).
-fn grow(forest: &mut Forest, position: &[Vec3], normal: &[Vec3], neighbours: &Neighbours, progress: Progress<'_>) {
+fn grow(forest: &mut Forest, position: &[Vec3], normal: &[Vec3], neighbours: &Neighbours, progress: LoadProgress<'_>) {
     let link = |i: usize, j: usize| link(position[i], normal[i], position[j], normal[j]);
     let given = &forest.given;
     let mut edges: Vec<Edge> = (0..position.len())

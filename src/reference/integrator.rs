@@ -22,7 +22,7 @@ use crate::time::FrameNumber;
 
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct RoundProgress {
     /// Samples of a pixel before this round.
     pub samples: u64,
     /// Samples of a pixel after this round.
@@ -34,7 +34,7 @@ pub struct Step {
 }
 
 /// Receives the progress of a run. It is called from several threads.
-pub type StepListener<'a> = &'a (dyn Fn(Step) + Sync);
+pub type RoundListener<'a> = &'a (dyn Fn(RoundProgress) + Sync);
 
 /// Edge of a tile, pixels. The samples of a tile are traced together.
 const TILE: usize = 4;
@@ -74,7 +74,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
     }
 
     /// Brings every pixel of the window to `end` samples.
-    pub(super) fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: StepListener<'_>) {
+    pub(super) fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: RoundListener<'_>) {
         let options = self.world.options;
         let each = SCRAMBLINGS as u64;
         let (first, last) = (sums.samples / each, end / each);
@@ -122,7 +122,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
                 }
                 self.cut.fetch_add(std::mem::take(&mut tile.surfaces.cut), Ordering::Relaxed);
                 let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
-                progress(Step { samples, end, share: done as f64 / strips as f64, error });
+                progress(RoundProgress { samples, end, share: done as f64 / strips as f64, error });
             },
         );
         sums.samples = end;

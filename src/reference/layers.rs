@@ -11,7 +11,7 @@ pub(super) const MOST_LAYERS: usize = 8;
 
 /// A layer of see-through surfels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layer {
+pub(super) struct RayLayer {
     /// The surface by itself, as if it were opaque.
     pub seen: Seen,
     /// Mean opacity, in [0, 1].
@@ -27,7 +27,7 @@ pub(super) struct Surfaces {
     pub limits: Vec<f64>,
     /// For each ray what it sees of opaque surfaces.
     pub opaque: Vec<Option<Seen>>,
-    layers: Vec<Layer>,
+    layers: Vec<RayLayer>,
     /// For each ray the end of its layers.
     ends: Vec<usize>,
     /// Rays with more layers than are taken, since it was last reset.
@@ -44,7 +44,7 @@ impl Surfaces {
     }
 
     /// Layers of a ray, nearest first.
-    pub(super) fn layers(&self, ray: usize) -> &[Layer] {
+    pub(super) fn layers(&self, ray: usize) -> &[RayLayer] {
         let first = if ray == 0 { 0 } else { self.ends[ray - 1] };
         &self.layers[first..self.ends[ray]]
     }
@@ -68,7 +68,7 @@ impl Surfaces {
             let (layer, behind) = rest.split_at_mut(rest.partition_point(|hit| hit.depth <= limit));
             rest = behind;
             let Some(seen) = tracer.surface(lane, layer) else { break };
-            self.layers.push(Layer { seen, opacity: tracer.opacity(layer), limit });
+            self.layers.push(RayLayer { seen, opacity: tracer.opacity(layer), limit });
         }
         self.cut += u64::from(!rest.is_empty());
         self.ends.push(self.layers.len());

@@ -36,9 +36,9 @@ mod warp;
 
 pub use self::error::ReferenceError;
 pub use self::flow::{Flow, flows};
-pub use self::integrator::{Step, StepListener};
+pub use self::integrator::{RoundListener, RoundProgress};
 pub use self::options::{ROUND, ReferenceOptions};
 pub use self::probe::{Probe, ProbedGaussian, ProbedHit, Sample, probe};
-pub use self::render::{Reference, Stats, picture, picture_until, render, render_until};
+pub use self::render::{Reference, ReferenceStats, picture, picture_until, render, render_until};
 pub use self::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};
 pub use self::sums::Sums;

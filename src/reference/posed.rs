@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use super::bvh::Bvh;
 use super::error::ReferenceError;
 use super::gaussians::blend::Blend;
-use super::gaussians::tree::{Kernel, Tree};
+use super::gaussians::tree::{GaussianKernel, Tree};
 use super::options::ReferenceOptions;
-use super::volumes::kernel::Kernel as VolumeKernel;
+use super::volumes::kernel::VolumeKernel;
 use crate::environment::Environment;
 use crate::film::{Backdrop, Background};
 use crate::math::{focal_length, norm};
@@ -39,7 +39,7 @@ pub(super) struct World<'a> {
     /// Objects that show captures, in the order of objects.
     pub captures: Vec<Transparent<'a>>,
     /// Trees of captures. Objects that show the same Gaussians of one share a tree.
-    pub trees: Vec<Tree<Kernel>>,
+    pub trees: Vec<Tree<GaussianKernel>>,
     /// Objects that show volumes, in the order of objects.
     pub volumes: Vec<Volume<'a>>,
     /// Trees of volumes.
@@ -187,7 +187,8 @@ impl<'a> World<'a> {
         let build =
             |object: &Object| Bvh::new(object.shape.surfels_or_none(), &object.shape.paths(), travelled(object));
         let models = distinct.into_par_iter().map(build).collect();
-        let trees = shown.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| Kernel::of(g, &drawing, i)));
+        let trees =
+            shown.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| GaussianKernel::of(g, &drawing, i)));
         let trees = trees.collect::<Result<Vec<_>, _>>()?;
         let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of, &trees)).collect();
         let volume_trees =
@@ -331,7 +332,7 @@ impl<'a> World<'a> {
 }
 
 impl<'a> Transparent<'a> {
-    fn of(body: usize, of: &Body<'a>, trees: &[Tree<Kernel>]) -> Option<Self> {
+    fn of(body: usize, of: &Body<'a>, trees: &[Tree<GaussianKernel>]) -> Option<Self> {
         let Form::Gaussians(tree) = of.form else { return None };
         let gaussians: &'a Gaussians = of.object.shape.gaussians()?.gaussians();
         let antialias = of.drawing.antialias.unwrap_or(gaussians.antialiased);

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use super::error::ReferenceError;
-use super::integrator::{Integrator, Step, StepListener};
+use super::integrator::{Integrator, RoundListener, RoundProgress};
 use super::options::{ROUND, ReferenceOptions};
 use super::posed::World;
 use super::sums::Sums;
@@ -21,12 +21,12 @@ pub struct Reference {
     /// Partial sums, from which a later run can continue.
     pub sums: Sums,
     /// Numbers about the run.
-    pub stats: Stats,
+    pub stats: ReferenceStats,
 }
 
 /// Samples, memory and time of a reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stats {
+pub struct ReferenceStats {
     /// Samples of a pixel, including those of earlier runs.
     pub samples: u64,
     /// Samples of this run in all pixels.
@@ -84,7 +84,7 @@ pub fn picture_until(
     progress: &Progress,
     stop: &Stop,
 ) -> Result<Picture, ReferenceError> {
-    let tell = |step: Step| {
+    let tell = |step: RoundProgress| {
         let rounds = if options.error.is_some() { step.samples / ROUND } else { 0 };
         progress.tell(Done { round: rounds + 1, share: step.share });
     };
@@ -101,7 +101,7 @@ pub fn render(
     frame: impl Into<FrameNumber>,
     options: &ReferenceOptions,
     earlier: Option<Sums>,
-    progress: StepListener<'_>,
+    progress: RoundListener<'_>,
 ) -> Result<Reference, ReferenceError> {
     render_until(scene, frame, options, earlier, (progress, None))
 }
@@ -115,7 +115,7 @@ pub fn render_until(
     frame: impl Into<FrameNumber>,
     options: &ReferenceOptions,
     earlier: Option<Sums>,
-    (progress, stop): (StepListener<'_>, Option<&Stop>),
+    (progress, stop): (RoundListener<'_>, Option<&Stop>),
 ) -> Result<Reference, ReferenceError> {
     options.check()?;
     let (frame, scene) = options.enter(scene, frame.into())?;
@@ -156,7 +156,7 @@ pub fn render_until(
         integrator.add(&mut sums, samples, None, progress);
         stopped()?;
     }
-    let stats = Stats {
+    let stats = ReferenceStats {
         samples: sums.samples,
         traced: (sums.samples - before) * u64::from(size[0]) * u64::from(size[1]),
         mean_error: sums.mean_error(&backdrop),

@@ -146,7 +146,7 @@ impl<T> Drop for FrameQueue<'_, T> {
 }
 
 /// [`Renderer::render_sequence`](super::Renderer::render_sequence).
-pub(super) struct Sequence<'a, N> {
+pub(super) struct RenderedFrames<'a, N> {
     /// `None` after the end.
     queue: Option<FrameQueue<'a, ()>>,
     /// Those that are not begun.
@@ -155,7 +155,7 @@ pub(super) struct Sequence<'a, N> {
     failed: Option<BackendError>,
 }
 
-impl<'a, N> Sequence<'a, N> {
+impl<'a, N> RenderedFrames<'a, N> {
     pub(super) fn new(queue: Result<FrameQueue<'a, ()>, BackendError>, numbers: N) -> Self {
         match queue {
             Ok(queue) => Self { queue: Some(queue), numbers, failed: None },
@@ -164,7 +164,7 @@ impl<'a, N> Sequence<'a, N> {
     }
 }
 
-impl<N: Iterator<Item: Into<FrameNumber>>> Sequence<'_, N> {
+impl<N: Iterator<Item: Into<FrameNumber>>> RenderedFrames<'_, N> {
     /// The next frame; `None` after the last, or where one failed and those before it were handed out.
     fn step(&mut self) -> Result<Option<FinishedFrame<()>>, FrameError> {
         let Some(queue) = &mut self.queue else { return Ok(None) };
@@ -181,7 +181,7 @@ impl<N: Iterator<Item: Into<FrameNumber>>> Sequence<'_, N> {
     }
 }
 
-impl<N: Iterator<Item: Into<FrameNumber>>> Iterator for Sequence<'_, N> {
+impl<N: Iterator<Item: Into<FrameNumber>>> Iterator for RenderedFrames<'_, N> {
     type Item = Result<(FrameNumber, Rendered), BackendError>;
 
     fn next(&mut self) -> Option<Self::Item> {

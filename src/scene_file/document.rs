@@ -11,7 +11,7 @@ use crate::anim::{Interpolation, TrackFormat, TrackOptions};
 use crate::limits::FAR;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{
-    self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VelocityUnit, VolumeOptions,
+    self, ColourSpace, Kind, Material, MeshOptions, TransferFunction, TransferStop, VelocityUnit, VolumeOptions,
 };
 use crate::scene::{
     Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Object, Pattern, PointMotion, SequenceSpec, Sphere,
@@ -393,14 +393,14 @@ fn shape(model: &Part<'_>) -> Result<ShapeSpec, SceneError> {
 }
 
 fn transfer(source: &Source, element: &Element) -> Result<TransferFunction, SceneError> {
-    let mut stops: Vec<Stop> = Vec::new();
+    let mut stops: Vec<TransferStop> = Vec::new();
     for element in element.children("stop") {
         let part = Part::new(source, element, "stop");
         let value = part.number("value")?;
         if let Some(before) = stops.last().map(|stop| stop.value).filter(|before| value <= *before) {
             return Err(part.bad("value", &value, format!("more than that of the stop before, {before}")));
         }
-        stops.push(Stop { value, colour: part.vector("colour")?.as_vec3(), opacity: part.number("opacity")? });
+        stops.push(TransferStop { value, colour: part.vector("colour")?.as_vec3(), opacity: part.number("opacity")? });
     }
     TransferFunction::new(stops).map_err(|why| SceneError::BadValue {
         at: source.locate(element.at),

@@ -22,7 +22,7 @@ mod xml;
 use std::path::Path;
 
 use crate::files;
-use crate::model::{self, ModelError, Progress};
+use crate::model::{self, LoadProgress, ModelError};
 use crate::scene::{Camera, Object, Scene};
 
 pub use self::error::{EnvironmentError, Location, SceneError};
@@ -32,7 +32,7 @@ pub use self::write::{camera_line, to_xml};
 
 /// How scene files are read.
 #[derive(Clone, Copy, Default)]
-pub struct LoadOptions<'a> {
+pub struct SceneLoadOptions<'a> {
     /// Unknown elements and attributes become notes instead of errors.
     pub lenient: bool,
     /// Paths that leave this directory are refused.
@@ -41,7 +41,7 @@ pub struct LoadOptions<'a> {
     /// does a camera that is found.
     pub size: Option<(u32, u32)>,
     /// Told about slow steps.
-    pub progress: Option<Progress<'a>>,
+    pub progress: Option<LoadProgress<'a>>,
 }
 
 /// A scene, and what a user should know about its reading.
@@ -62,7 +62,7 @@ impl Scene {
     /// The scene, or a file that it names, cannot be read or is not valid. The message says where, what was found
     /// there, and what would be right.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
-        Ok(load(path.as_ref(), &LoadOptions::default())?.scene)
+        Ok(load(path.as_ref(), &SceneLoadOptions::default())?.scene)
     }
 }
 
@@ -70,12 +70,12 @@ impl Scene {
 ///
 /// # Errors
 /// The scene, or a file that it names, cannot be read or is not valid.
-pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<LoadedScene, SceneError> {
+pub fn load(path: &Path, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, SceneError> {
     let (loaded, files) = files::listed(|| load_scene(path, options));
     loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes })
 }
 
-fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
+fn load_scene(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
     let (source, mut document, notes) = files::steady(|| {
         let source = xml::decode(path, &xml::read(path)?)?;
         let root = xml::parse(&source)?;
@@ -95,12 +95,12 @@ fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<Stri
 ///
 /// # Errors
 /// The file cannot be read, or is not a valid model with at least one point.
-pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<LoadedScene, ModelError> {
+pub fn load_model(path: &Path, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, ModelError> {
     let (loaded, files) = files::listed(|| load_alone(path, options));
     loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes })
 }
 
-fn load_alone(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), ModelError> {
+fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec<String>), ModelError> {
     let silent = |_: &str, _: f32| {};
     let progress = options.progress.unwrap_or(&silent);
     let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{LoadOptions, LoadedScene, SceneError, load};
+use super::{LoadedScene, SceneError, SceneLoadOptions, load};
 use crate::limits;
 use crate::scene::Scene;
 
@@ -60,6 +60,6 @@ impl Opening {
             limits::check_count("size.width", width, &limits::SIDE)?;
             limits::check_count("size.height", height, &limits::SIDE)?;
         }
-        load(&self.path, &LoadOptions { lenient: self.lenient, size: self.size, ..LoadOptions::default() })
+        load(&self.path, &SceneLoadOptions { lenient: self.lenient, size: self.size, ..SceneLoadOptions::default() })
     }
 }

@@ -12,7 +12,7 @@ use crate::files::{self, Changed};
 use crate::gltf::Nodes;
 use crate::math::Bounds;
 use crate::model::mesh::{self, Mesh};
-use crate::model::{Format, ModelError};
+use crate::model::{ModelError, ModelFormat};
 use crate::scene::Camera;
 
 /// Most nodes whose motion decides where the camera stands. Others count at rest.
@@ -67,7 +67,7 @@ fn play_once(path: &Path) -> Result<Play, NoPlay> {
     let bytes =
         files::read(path, u64::MAX).map_err(|why| ModelError::Read { path: path.to_owned(), source: why.into() })?;
     let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
-    let read = |node: Option<&str>| mesh::read(&bytes, Format::Glb, path, node).map_err(invalid);
+    let read = |node: Option<&str>| mesh::read(&bytes, ModelFormat::Glb, path, node).map_err(invalid);
     let whole = read(None)?.ok_or_else(|| NoPlay::NoTriangles(path.to_owned()))?;
     let nodes = &animation.nodes;
     let is_drawn = |index: &usize| {

@@ -12,7 +12,7 @@ use super::document::{
 use super::dom::{FileRef, Source};
 use super::error::{EnvironmentError, SceneError, quoted};
 use super::paths::Finder;
-use super::{LoadOptions, write};
+use super::{SceneLoadOptions, write};
 use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, TrackOptions};
 use crate::environment::{Environment, LatLong};
 use crate::files::Seen;
@@ -27,7 +27,7 @@ use crate::scene::{
 pub(super) fn resolve(
     source: &Source,
     document: Document,
-    options: &LoadOptions<'_>,
+    options: &SceneLoadOptions<'_>,
     notes: Vec<String>,
 ) -> Result<(Scene, Vec<String>), SceneError> {
     let finder = Finder::new(source, options.restrict)?;
@@ -240,7 +240,7 @@ type ModelKey = (PathBuf, String);
 struct Files<'a> {
     source: &'a Source,
     finder: Finder<'a>,
-    options: &'a LoadOptions<'a>,
+    options: &'a SceneLoadOptions<'a>,
     notes: Vec<String>,
     /// By the text that names them: the path, and the one name of the file.
     found: HashMap<String, (PathBuf, PathBuf)>,

@@ -7,7 +7,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use super::schema::{ELEMENTS, ValueKind};
-use super::{LoadOptions, load};
+use super::{SceneLoadOptions, load};
 use crate::anim::TrackFormat;
 
 /// Attributes that are text and name no path.
@@ -63,7 +63,7 @@ fn refusal(path: &Path) -> Option<String> {
     let (tell, told) = mpsc::channel();
     let path = path.to_owned();
     std::thread::spawn(move || {
-        let why = load(&path, &LoadOptions::default()).map(|_| ()).unwrap_err();
+        let why = load(&path, &SceneLoadOptions::default()).map(|_| ()).unwrap_err();
         // Nobody listens any more where it took too long.
         let _ = tell.send(why.to_string());
     });

@@ -4,7 +4,9 @@ use super::StudyError;
 use super::contestant::{BackendKind, Contestant, Method};
 use super::pictures::{pictured, pictures_of, regions};
 use super::provenance::PROGRAM;
-use super::report::{Floor, FramePictures, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, pass_rate, split};
+use super::report::{
+    Floor, FramePictures, FrameStudy, ModeStudy, Region, SceneStudy, Study, WallTimes, pass_rate, split,
+};
 use super::store::{Store, times};
 use super::trial::{Trial, samples_of};
 use crate::compare::{self, Comparison, Limit, Metric, flip, ssim};
@@ -30,7 +32,7 @@ pub struct Experiment {
 
 /// How far a study is. Steps count from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Progress<'a> {
+pub enum StudyProgress<'a> {
     /// A step is at a share, 0 to 1.
     At {
         /// Number of the step.
@@ -45,7 +47,7 @@ pub enum Progress<'a> {
 }
 
 /// Told how far a study is.
-pub type Tell<'a> = &'a (dyn Fn(Progress<'_>) + Sync);
+pub type Tell<'a> = &'a (dyn Fn(StudyProgress<'_>) + Sync);
 
 /// A contestant of whose frame no sound rendering is there.
 struct Missing {
@@ -67,7 +69,7 @@ impl Experiment {
         Ok(Limit::check_unique(&self.limits)?)
     }
 
-    /// Steps of all frames, as [`Progress`] counts them.
+    /// Steps of all frames, as [`StudyProgress`] counts them.
     pub fn steps(&self, trial: &Trial<'_>) -> u64 {
         self.frames.len() as u64 * self.steps_of_frame(trial)
     }
@@ -126,7 +128,7 @@ impl Experiment {
             let settings = trial.settings_of_judge(self.reference, filter)?.of_frame(frame)?;
             if store.finished(&path, &settings).is_none() {
                 let what = format!("frame {frame}, {}", trial.name_of_judge(filter));
-                let share = |share| tell(Progress::At { step, what: &what, share });
+                let share = |share| tell(StudyProgress::At { step, what: &what, share });
                 let shot = trial.judge(self.reference, filter, frame, &share)?;
                 store.keep(&path, &shot.picture, &settings, &[shot.seconds])?;
             }
@@ -143,7 +145,7 @@ impl Experiment {
                 _ => missing.push(Missing { contestant, settings, seconds: Vec::new() }),
             }
         }
-        tell(Progress::SkipTo(step));
+        tell(StudyProgress::SkipTo(step));
         let most = missing.iter().map(|missing| self.repeats_of(missing.contestant.method)).max().unwrap_or(0);
         for round in 0..=most {
             for Missing { contestant, settings, seconds } in &mut missing {
@@ -154,7 +156,7 @@ impl Experiment {
                     continue;
                 }
                 let what = format!("frame {frame}, {name}");
-                let share = |share| tell(Progress::At { step, what: &what, share });
+                let share = |share| tell(StudyProgress::At { step, what: &what, share });
                 share(0.0);
                 let shot = trial.shoot(*contestant, frame, &share).map_err(StudyError::in_mode(name.clone()))?;
                 step += if traced { 2 } else { 1 };
@@ -181,7 +183,7 @@ impl Experiment {
                 let path = store.path_of_judge(trial, frame, filter);
                 let reference = image::read(&path)?;
                 let settings = trial.settings_of_judge(self.reference, filter)?.of_frame(frame)?;
-                reference_seconds += Times::of(&times(&path, &settings).unwrap_or_default()).median;
+                reference_seconds += WallTimes::of(&times(&path, &settings).unwrap_or_default()).median;
                 floors.push(Floor::of(&reference)?.ok_or(StudyError::NoStandardError)?);
                 for (mode, &contestant) in modes.iter_mut().zip(&self.contestants) {
                     if trial.filter_of(contestant.filters) == filter {
@@ -270,7 +272,7 @@ fn measure(
         family: contestant.family(),
         backend: contestant.backend.to_string(),
         samples: samples_of(contestant.method, &picture),
-        times: Times::of(&seconds),
+        times: WallTimes::of(&seconds),
         z_pass: pass_rate(&picture, reference).ok_or(StudyError::NoStandardError)?,
         regions: split(&picture, reference, &map, regions),
         errors,

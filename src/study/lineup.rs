@@ -2,7 +2,7 @@
 
 use super::StudyError;
 use super::contestant::{BackendKind, Contestant, Entry};
-use super::experiment::{Progress, Tell};
+use super::experiment::{StudyProgress, Tell};
 use super::sheet::{Crop, Panel, SheetError, most_different};
 use super::trial::{Shot, Trial};
 use crate::compare::{Comparison, Metric, Shown};
@@ -54,7 +54,7 @@ impl LineUp {
         }
     }
 
-    /// Renderings, as [`Progress`] counts them.
+    /// Renderings, as [`StudyProgress`] counts them.
     pub fn steps(&self, trial: &Trial<'_>) -> u64 {
         let references = self.reference.map_or(0, |_| self.filters(trial).len() as u64);
         references + self.entries.iter().map(renderings).sum::<u64>()
@@ -76,7 +76,7 @@ impl LineUp {
         if let Some(samples) = self.reference {
             for filter in self.filters(trial) {
                 let what = trial.name_of_judge(filter);
-                let share = |share| tell(Progress::At { step, what: &what, share });
+                let share = |share| tell(StudyProgress::At { step, what: &what, share });
                 let shot = trial.judge(samples, filter, self.frame, &share)?;
                 references.push((filter, what, shot));
                 step += 1;
@@ -88,7 +88,7 @@ impl LineUp {
             let backend = entry.backend.unwrap_or(BackendKind::Cpu);
             let contestant = Contestant { method: entry.method, filters: entry.filters, backend };
             for turn in 1..=renderings(entry) {
-                let share = |share| tell(Progress::At { step, what: &name, share });
+                let share = |share| tell(StudyProgress::At { step, what: &name, share });
                 share(0.0);
                 let shot = trial.shoot(contestant, self.frame, &share);
                 let shot = shot.map_err(StudyError::in_mode(name.clone()))?;

@@ -22,7 +22,7 @@ pub use self::contestant::{
     BackendKind, Contestant, ContestantError, Entry, Filters, Method, backends, entries, reference_samples,
 };
 pub use self::error::StudyError;
-pub use self::experiment::{Experiment, Progress, Tell};
+pub use self::experiment::{Experiment, StudyProgress, Tell};
 pub use self::lineup::{LineUp, Part, Shots};
 pub use self::store::Store;
 pub use self::thesis::Thesis;

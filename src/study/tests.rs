@@ -57,8 +57,8 @@ fn an_experiment_runs_without_the_command_line() {
         limits: vec!["flip=0".parse().unwrap()],
     };
     let steps = Mutex::new(Vec::new());
-    let tell = |progress: Progress<'_>| {
-        if let Progress::At { step, .. } = progress {
+    let tell = |progress: StudyProgress<'_>| {
+        if let StudyProgress::At { step, .. } = progress {
             steps.lock().unwrap().push(step);
         }
     };

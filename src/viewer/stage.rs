@@ -16,7 +16,7 @@ pub(super) enum Outcome {
 
 /// What a page has seen of its view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Done {
+pub(super) struct StagesDone {
     /// A quick picture: was it as large as the window?
     pub(super) quick: Option<bool>,
     /// The mode that was asked for.
@@ -43,7 +43,7 @@ pub(super) enum Task {
 }
 
 /// The next task; `None`: nothing. `moving`: the view changes all the time. `split`: there is another side.
-pub(super) fn next(moving: bool, split: bool, done: Done) -> Option<Task> {
+pub(super) fn next(moving: bool, split: bool, done: StagesDone) -> Option<Task> {
     let Some(whole) = done.quick else { return Some(Task::Quick) };
     let both = done.first == Outcome::Finished && matches!(done.second, Outcome::Part | Outcome::Finished);
     if moving {
@@ -65,7 +65,7 @@ mod tests {
 
     /// All tasks of a view, until there is none; a reference takes two rounds. `small`: the quick picture is.
     fn tasks(moving: bool, split: bool, small: bool) -> Vec<Task> {
-        let (mut done, mut tasks) = (Done::default(), Vec::new());
+        let (mut done, mut tasks) = (StagesDone::default(), Vec::new());
         while let Some(task) = next(moving, split, done) {
             tasks.push(task);
             match task {
@@ -102,9 +102,9 @@ mod tests {
 
     #[test]
     fn what_failed_is_not_tried_again() {
-        let done = Done { quick: Some(true), first: Outcome::Failed, ..Done::default() };
+        let done = StagesDone { quick: Some(true), first: Outcome::Failed, ..StagesDone::default() };
         assert_eq!(next(false, false, done), None);
         assert_eq!(next(false, true, done), Some(Task::Second));
-        assert_eq!(next(false, true, Done { second: Outcome::Finished, ..done }), None);
+        assert_eq!(next(false, true, StagesDone { second: Outcome::Finished, ..done }), None);
     }
 }

@@ -88,10 +88,10 @@ impl Runs {
         let path = folder.join(&input.files[0].0);
         // Not those that the damage came from.
         let mut dice = Dice::new(seed ^ 0x5eed, number);
-        let options = scene_file::LoadOptions {
+        let options = scene_file::SceneLoadOptions {
             lenient: dice.once_in(2),
             size: Some(SIZE),
-            ..scene_file::LoadOptions::default()
+            ..scene_file::SceneLoadOptions::default()
         };
         match input.way {
             Way::Model => match scene_file::load_model(&path, &options) {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3, Quat, Vec3};
 use splatblur::film::Aov;
-use splatblur::model::{Format, Gaussians, parse_capture};
+use splatblur::model::{Gaussians, ModelFormat, parse_capture};
 use splatblur::options::PixelFilter;
 use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::sampling::hash;
@@ -38,7 +38,7 @@ fn decoded(c: f64) -> f64 {
 fn the_guitar_is_the_exact_picture() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let bytes = fs::read(root.join("tests/data/models/guitar_3dgs.ply")).unwrap();
-    let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
+    let guitar = parse_capture(&bytes, ModelFormat::Ply).unwrap().unwrap();
     let truth = image::read(&root.join("tests/data/truth/captures/guitar_0.exr")).unwrap();
     let want: Vec<[f64; 4]> = truth.rgba.iter().map(|pixel| pixel.map(f64::from)).collect();
     let mut scene = scene(vec![Object::new(guitar)], [truth.width, truth.height], DVec3::new(0.0, -2.0, 6.0), 50.0);

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use splatblur::backend::cpu::Cpu;
-use splatblur::dataset::{By, DatasetError, FileContents, Layout, Made, Noise, Recipe, Role, frame};
+use splatblur::dataset::{By, DatasetError, FileContents, FolderLayout, Made, Noise, Recipe, Role, frame};
 use splatblur::film::Picture;
 use splatblur::image::{Format, Response};
 use splatblur::math::srgb;
@@ -25,7 +25,7 @@ fn scene(weight: Weight) -> Scene {
 
 fn recipe(by: By, sharp: u32) -> Recipe {
     Recipe {
-        layout: Layout::Nerfstudio,
+        layout: FolderLayout::Nerfstudio,
         sharp,
         by,
         format: Format::EXR,

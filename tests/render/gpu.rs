@@ -16,7 +16,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::image;
 use splatblur::math::srgb::from_linear;
-use splatblur::model::{Format, parse_capture};
+use splatblur::model::{ModelFormat, parse_capture};
 use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, RenderOptions};
 use splatblur::renderer::{FrameQueue, render_frame};
 use splatblur::scene::{Camera, ImageSettings, Object, Scene};
@@ -156,7 +156,7 @@ fn the_guitar_is_the_exact_picture() {
     let Some(mut gpu) = gpu_or_skip("the_guitar_is_the_exact_picture") else { return };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let bytes = std::fs::read(root.join("tests/data/models/guitar_3dgs.ply")).unwrap();
-    let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
+    let guitar = parse_capture(&bytes, ModelFormat::Ply).unwrap().unwrap();
     let mut scene = sphere_scene(1, 100, false);
     scene.objects = vec![Object::new(guitar)];
     scene.image = ImageSettings { width: 480, height: 360, transparent: true, ..ImageSettings::default() };

@@ -16,7 +16,7 @@ use splatblur::scene_file;
 
 fn shipped(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(format!("{name}.xml"));
-    scene_file::load(&path, &scene_file::LoadOptions::default()).expect("a shipped scene").scene
+    scene_file::load(&path, &scene_file::SceneLoadOptions::default()).expect("a shipped scene").scene
 }
 
 fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {

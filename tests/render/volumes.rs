@@ -10,7 +10,7 @@ use splatblur::backend::BackendError;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
-use splatblur::model::{self, Gaussians, Kind, LoadOptions, Optics, Stop, TransferFunction, VolumeOptions};
+use splatblur::model::{self, Gaussians, Kind, LoadOptions, Optics, TransferFunction, TransferStop, VolumeOptions};
 use splatblur::options::{
     BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Times,
 };
@@ -413,7 +413,7 @@ fn grids_of_all_kinds_and_samples_show_the_same_field() {
     let load = |name: &str, bytes: &[u8]| {
         let path = dir.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        let stop = |value, opacity| Stop { value, colour: Vec3::new(0.9, 0.5, 0.2), opacity };
+        let stop = |value, opacity| TransferStop { value, colour: Vec3::new(0.9, 0.5, 0.2), opacity };
         let transfer = TransferFunction::new(vec![stop(1.0, 0.0), stop(201.0, 8.0)]).unwrap();
         let volume = VolumeOptions { transfer: Some(Arc::new(transfer)), ..VolumeOptions::default() };
         let options = LoadOptions { volume, kind: Some(Kind::Volume), ..LoadOptions::default() };

@@ -1,5 +1,6 @@
-//! Text: widths of lines, lengths of guides, and words that must not be in the repository.
+//! Text: widths of lines, lengths of guides, words that must not be in the repository, and names of types.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -152,16 +153,22 @@ fn absolute(line: &str, folder: &str) -> bool {
     })
 }
 
-/// A doc comment names its noun: these words open none.
+/// A doc comment, or any comment of a shader, names its noun: these words open none.
 const WITHOUT_A_NOUN: [&str; 4] = ["Of ", "That of ", "Those of ", "What is "];
 
 #[test]
 fn a_doc_comment_names_its_noun() {
     let mut found = Vec::new();
-    for (name, text) in files().into_iter().filter(|(name, _)| Path::new(name).extension().is_some_and(|e| e == "rs")) {
+    for (name, text) in files() {
+        let marks: &[&str] = match Path::new(&name).extension().and_then(|e| e.to_str()) {
+            Some("rs") => &["///", "//!"],
+            // WGSL has no doc comments.
+            Some("wgsl") => &["//"],
+            _ => continue,
+        };
         let mut inside = false;
         for (line, number) in text.lines().zip(1..) {
-            let comment = line.trim_start().strip_prefix("///").or_else(|| line.trim_start().strip_prefix("//!"));
+            let comment = marks.iter().find_map(|mark| line.trim_start().strip_prefix(mark));
             let opens = comment.filter(|_| !inside).map_or("", str::trim_start);
             if WITHOUT_A_NOUN.iter().any(|words| opens.starts_with(words)) {
                 found.push(format!("{name}:{number}: {opens}"));
@@ -170,4 +177,30 @@ fn a_doc_comment_names_its_noun() {
         }
     }
     judge(&found, "doc comments without a noun");
+}
+
+/// The name that a line declares with `pub`, if it declares a type.
+fn public_type(line: &str) -> Option<&str> {
+    let item = line.trim_start().strip_prefix("pub ")?;
+    let name = ["struct ", "enum ", "trait ", "type "].into_iter().find_map(|word| item.strip_prefix(word))?;
+    name.split(|c: char| !c.is_alphanumeric() && c != '_').next()
+}
+
+/// A name has one meaning: whoever looks for a public type finds one.
+#[test]
+fn a_public_type_has_a_name_of_its_own() {
+    let mut declared: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let is_rust = |name: &str| Path::new(name).extension().is_some_and(|e| e == "rs");
+    let is_product = |name: &str| name.starts_with("src/") && is_rust(name) && !name.contains("tests");
+    for (name, text) in files().into_iter().filter(|(name, _)| is_product(name)) {
+        for (line, number) in text.lines().zip(1..) {
+            if let Some(found) = public_type(line) {
+                declared.entry(found.to_owned()).or_default().push(format!("{name}:{number}"));
+            }
+        }
+    }
+    assert!(declared.len() > 200, "{} public types are not all", declared.len());
+    let twice = declared.into_iter().filter(|(_, places)| places.len() > 1);
+    let found: Vec<_> = twice.map(|(name, places)| format!("{name}: {}", places.join(", "))).collect();
+    judge(&found, "names that several public types have");
 }

@@ -7,7 +7,7 @@ use std::fs;
 
 use glam::{DMat4, DVec3};
 use splatblur::scene::pose::camera_from_world;
-use splatblur::scene_file::{LoadOptions, LoadedScene, load, to_xml};
+use splatblur::scene_file::{LoadedScene, SceneLoadOptions, load, to_xml};
 
 /// A scene of one model, `m.xyz` with these points.
 fn loaded(points: &str, camera: &str, object: &str) -> LoadedScene {
@@ -15,10 +15,10 @@ fn loaded(points: &str, camera: &str, object: &str) -> LoadedScene {
     fs::write(dir.path().join("m.xyz"), points).unwrap();
     let text = format!("<scene>{camera}<object {object}><pointModel>m.xyz</pointModel></object></scene>");
     fs::write(dir.path().join("s.xml"), text).unwrap();
-    let loaded = load(&dir.path().join("s.xml"), &LoadOptions::default()).unwrap();
+    let loaded = load(&dir.path().join("s.xml"), &SceneLoadOptions::default()).unwrap();
     // What is written is the same scene.
     fs::write(dir.path().join("again.xml"), to_xml(&loaded.scene, dir.path())).unwrap();
-    let again = load(&dir.path().join("again.xml"), &LoadOptions::default()).unwrap().scene;
+    let again = load(&dir.path().join("again.xml"), &SceneLoadOptions::default()).unwrap().scene;
     assert_eq!(to_xml(&again, dir.path()), to_xml(&loaded.scene, dir.path()));
     for time in [-0.25, 0.0, 7.5] {
         assert_eq!(camera_from_world(&again, time), camera_from_world(&loaded.scene, time));

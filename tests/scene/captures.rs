@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use splatblur::image;
-use splatblur::model::{self, Format, Kind, parse_capture};
+use splatblur::model::{self, Kind, ModelFormat, parse_capture};
 use splatblur::scene::{Capture, Object, Scene, Shape};
 use splatblur::scene_file;
 
@@ -17,7 +17,7 @@ use crate::support::gaussians::{CaptureCamera, picture, psnr};
 fn the_guitar_makes_the_exact_picture() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let bytes = fs::read(root.join("tests/data/models/guitar_3dgs.ply")).unwrap();
-    let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
+    let guitar = parse_capture(&bytes, ModelFormat::Ply).unwrap().unwrap();
     assert_eq!((guitar.len(), guitar.degree, guitar.dropped), (90_854, 0, 0));
 
     let truth = image::read(&root.join("tests/data/truth/captures/guitar_0.exr")).unwrap();
@@ -34,7 +34,7 @@ fn the_guitar_makes_the_exact_picture() {
 fn a_capture_alone_is_seen_upright() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = root.join("tests/data/models/guitar_3dgs.ply");
-    let scene = scene_file::load_model(&path, &scene_file::LoadOptions::default()).unwrap().scene;
+    let scene = scene_file::load_model(&path, &scene_file::SceneLoadOptions::default()).unwrap().scene;
     assert!(matches!(scene.objects[0].shape, Shape::Gaussians { .. }));
     assert_eq!(scene.camera.up, DVec3::NEG_Y);
     let away = scene.camera.eye - scene.camera.at;
@@ -59,7 +59,7 @@ fn a_scene_says_how_a_capture_is_drawn() {
     let load = |attributes: &str| {
         let text = format!("<scene><object><pointModel {attributes}>{}</pointModel></object></scene>", model.display());
         fs::write(&path, text).unwrap();
-        scene_file::load(&path, &scene_file::LoadOptions::default())
+        scene_file::load(&path, &scene_file::SceneLoadOptions::default())
     };
     let plain = load("").unwrap().scene;
     let drawn = |scene: &Scene| {
@@ -75,7 +75,7 @@ fn a_scene_says_how_a_capture_is_drawn() {
     assert!(scene.objects[0].shape.gaussians().unwrap().gaussians().linear);
     assert_eq!(scene.objects[0].shape.bounds().min.y, -3.0);
     fs::write(&path, scene_file::to_xml(&scene, directory.path())).unwrap();
-    let again = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap().scene;
+    let again = scene_file::load(&path, &scene_file::SceneLoadOptions::default()).unwrap().scene;
     assert_eq!(drawn(&again), drawn(&scene));
 
     let surfels = load("kind='surfels' opacity='0.5'").unwrap();
@@ -110,7 +110,7 @@ fn a_plain_ply_says_what_it_leaves_out() {
             "ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n1 2 3 0 0 0 {rest} 0 -1 -1 -1 1 0 0 0\n"
         )
     };
-    let capture = |rest: usize| parse_capture(file(rest).as_bytes(), Format::Ply).unwrap().unwrap();
+    let capture = |rest: usize| parse_capture(file(rest).as_bytes(), ModelFormat::Ply).unwrap().unwrap();
     for (rest, degree, word) in
         [(0, 0, ""), (9, 1, ""), (24, 2, ""), (45, 3, ""), (72, 3, "degree 4"), (10, 0, "10 columns")]
     {

@@ -13,7 +13,7 @@ use splatblur::anim::Interpolation;
 use splatblur::film::Picture;
 use splatblur::model::VelocityUnit;
 use splatblur::scene::{Light, Motion, Object, PointMotion, Scene, Shape};
-use splatblur::scene_file::{LoadOptions, LoadedScene, SceneError, load, to_xml, validate};
+use splatblur::scene_file::{LoadedScene, SceneError, SceneLoadOptions, load, to_xml, validate};
 use splatblur::time::Weight;
 
 const MODEL: &str = include_str!("../data/scenes/m.ply");
@@ -48,12 +48,12 @@ impl Dir {
         self.0.path().join(name)
     }
 
-    fn load_with(&self, options: &LoadOptions<'_>) -> Result<LoadedScene, SceneError> {
+    fn load_with(&self, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, SceneError> {
         load(&self.path("scene.xml"), options)
     }
 
     fn load(&self) -> Result<LoadedScene, SceneError> {
-        self.load_with(&LoadOptions::default())
+        self.load_with(&SceneLoadOptions::default())
     }
 
     /// What a user sees of an error, without the temporary directory.
@@ -368,7 +368,7 @@ fn paths_are_written_for_the_new_place() {
     let text = to_xml(&first, &dir.path("sub"));
     assert!(text.contains(">../m.ply</pointModel>"), "{text}");
     dir.add("sub/scene.xml", text);
-    load(&dir.path("sub/scene.xml"), &LoadOptions::default()).unwrap();
+    load(&dir.path("sub/scene.xml"), &SceneLoadOptions::default()).unwrap();
 }
 
 #[test]
@@ -457,7 +457,7 @@ fn restricted_paths_stay_inside() {
     let outside = Dir::new("");
     let far = outside.path("m.ply");
     let dir = Dir::new(scene("", ""));
-    let options = LoadOptions { restrict: Some(dir.0.path()), ..LoadOptions::default() };
+    let options = SceneLoadOptions { restrict: Some(dir.0.path()), ..SceneLoadOptions::default() };
     dir.load_with(&options).unwrap();
     std::os::unix::fs::symlink(&far, dir.path("link.ply")).unwrap();
     std::os::unix::fs::symlink(outside.0.path(), dir.path("linked")).unwrap();
@@ -470,7 +470,7 @@ fn restricted_paths_stay_inside() {
         let words = error.to_string();
         assert!(words.contains("is the file") && words.contains("expected one in"), "{words}");
     }
-    let nowhere = LoadOptions { restrict: Some(Path::new("/no/such/dir")), ..LoadOptions::default() };
+    let nowhere = SceneLoadOptions { restrict: Some(Path::new("/no/such/dir")), ..SceneLoadOptions::default() };
     let words = dir.words(dir.load_with(&nowhere).map(|_| ()).unwrap_err());
     assert_eq!(words, "cannot restrict paths to /no/such/dir: No such file or directory (os error 2)");
 }
@@ -511,7 +511,7 @@ fn the_unknown_is_refused_with_what_is_known() {
 
 #[test]
 fn lenient_turns_exactly_the_unknown_into_notes() {
-    let lenient = LoadOptions { lenient: true, ..LoadOptions::default() };
+    let lenient = SceneLoadOptions { lenient: true, ..SceneLoadOptions::default() };
     let text = scene("<sky><cloud/>rain</sky>", "<place translat='1 2 3' scale='2'/>");
     let dir = Dir::new(&text);
     let LoadedScene { scene: s, notes, .. } = dir.load_with(&lenient).unwrap();
@@ -532,7 +532,7 @@ fn lenient_turns_exactly_the_unknown_into_notes() {
 fn notes_about_the_unknown_are_few_and_quick() {
     let dir = Dir::new(scene(&"<a/>".repeat(100_000), ""));
     let start = Instant::now();
-    let notes = dir.load_with(&LoadOptions { lenient: true, ..LoadOptions::default() }).unwrap().notes;
+    let notes = dir.load_with(&SceneLoadOptions { lenient: true, ..SceneLoadOptions::default() }).unwrap().notes;
     assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
     assert!(notes[50].ends_with("scene.xml: 99950 more unknown elements or attributes"), "{}", notes[50]);
 }
@@ -810,7 +810,7 @@ fn survives(dir: &Dir, bytes: &[u8]) -> Result<(), TestCaseError> {
     let valid = validate(&dir.path("scene.xml"), bytes, false).is_ok();
     for lenient in [false, true] {
         // Most are refused, some load: neither may panic. What loads must also come back.
-        if let Ok(first) = dir.load_with(&LoadOptions { lenient, ..LoadOptions::default() }) {
+        if let Ok(first) = dir.load_with(&SceneLoadOptions { lenient, ..SceneLoadOptions::default() }) {
             let again = Dir::new(to_xml(&first.scene, dir.0.path()));
             prop_assert!(again.load().is_ok());
             prop_assert!(valid || lenient);
@@ -913,7 +913,7 @@ fn an_animated_camera_is_rigid() {
     let scene = "<scene><camera><animation>cam.anim</animation></camera><object><pointModel>m.ply</pointModel></object>\
                  </scene>";
     fs::write(&path, scene).unwrap();
-    let scene = load(&path, &LoadOptions::default()).unwrap().scene;
+    let scene = load(&path, &SceneLoadOptions::default()).unwrap().scene;
     let camera_from_world = splatblur::scene::pose::camera_from_world(&scene, 4.0);
     // Turned by 90 degrees about y, -z looks along -x; a point 2 ahead and 1 above the eye at (5, 0, 0).
     let p = camera_from_world.transform_point3(DVec3::new(3.0, 1.0, 0.0));

@@ -32,7 +32,7 @@ const TARGETS: [(&str, &str, Read); 17] = [
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
     ("pts", "pts", |path| read_model(path)),
-    ("scene", "xml", |path| Ok(scene_file::load(path, &scene_file::LoadOptions::default()).map(drop)?)),
+    ("scene", "xml", |path| Ok(scene_file::load(path, &scene_file::SceneLoadOptions::default()).map(drop)?)),
     ("sfl", "sfl", |path| read_model(path)),
     ("sog", "sog", |path| read_model(path)),
     ("splat", "splat", |path| read_model(path)),
@@ -67,7 +67,7 @@ fn read_model(path: &Path) -> anyhow::Result<()> {
 /// Reads the triangles of a file, and its animations if it is glTF.
 fn read_mesh(path: &Path) -> anyhow::Result<()> {
     let bytes = fs::read(path)?;
-    let format = model::Format::detect(&bytes, path).ok_or_else(|| anyhow::anyhow!("{}", path.display()))?;
+    let format = model::ModelFormat::detect(&bytes, path).ok_or_else(|| anyhow::anyhow!("{}", path.display()))?;
     let invalid = |why| model::ModelError::Invalid { path: path.to_owned(), why };
     let mesh = model::mesh::read(&bytes, format, path, None).map_err(invalid)?;
     let mesh = mesh.ok_or_else(|| anyhow::anyhow!("{} has no triangles", path.display()))?;
@@ -79,7 +79,7 @@ fn read_mesh(path: &Path) -> anyhow::Result<()> {
     }
     let columns = [mesh.normal.len(), mesh.uv.len(), mesh.colour.len()];
     assert!(columns.iter().all(|n| [0, mesh.position.len()].contains(n)), "{columns:?}");
-    if format != model::Format::Obj
+    if format != model::ModelFormat::Obj
         && let anim::AnimationFile::Gltf(animation) = anim::open(path)?
     {
         for looped in [false, true] {

@@ -290,11 +290,11 @@ fn scene(body: &str) -> Result<scene_file::LoadedScene, String> {
     fs::copy("animations/spin_y.anim", folder.path().join("spin.anim")).unwrap();
     let path = folder.path().join("s.xml");
     fs::write(&path, format!("<scene>{body}</scene>")).unwrap();
-    let loaded = scene_file::load(&path, &scene_file::LoadOptions::default()).map_err(|why| why.to_string())?;
+    let loaded = scene_file::load(&path, &scene_file::SceneLoadOptions::default()).map_err(|why| why.to_string())?;
     // Written and read again it is the same.
     let text = scene_file::to_xml(&loaded.scene, folder.path());
     fs::write(&path, &text).unwrap();
-    let again = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap();
+    let again = scene_file::load(&path, &scene_file::SceneLoadOptions::default()).unwrap();
     assert_eq!(scene_file::to_xml(&again.scene, folder.path()), text);
     assert!(body.contains(".anim<") || text.contains("<animation node=\"#2\" fps=\""), "{text}");
     for time in [0.0, 0.3, 17.0, 100.5] {

@@ -9,7 +9,7 @@ use glam::DVec3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use splatblur::model::mesh::{self, Mesh};
-use splatblur::model::{Format, parse_mesh};
+use splatblur::model::{ModelFormat, parse_mesh};
 
 use crate::meshes::{floats, glb};
 
@@ -19,7 +19,7 @@ fn corners(mesh: &Mesh) -> Vec<[DVec3; 3]> {
 }
 
 fn obj(text: &str) -> Result<Option<Mesh>, splatblur::model::ParseError> {
-    mesh::read(text.as_bytes(), Format::Obj, Path::new("nowhere/m.obj"), None)
+    mesh::read(text.as_bytes(), ModelFormat::Obj, Path::new("nowhere/m.obj"), None)
 }
 
 /// A word of an OBJ, mostly a good one.
@@ -77,7 +77,7 @@ proptest! {
         }
         prop_assert_eq!(&corners(&obj(&text).unwrap().unwrap()), &wanted);
         prop_assert_eq!(&corners(&obj(&from_end).unwrap().unwrap()), &wanted);
-        prop_assert_eq!(&corners(&parse_mesh(ply.as_bytes(), Format::Ply).unwrap().unwrap()), &wanted);
+        prop_assert_eq!(&corners(&parse_mesh(ply.as_bytes(), ModelFormat::Ply).unwrap().unwrap()), &wanted);
         let mut bytes = floats(points.as_flattened());
         let split = bytes.len();
         bytes.extend(faces.as_flattened().iter().flat_map(|&i| (i as u32).to_le_bytes()));
@@ -94,7 +94,7 @@ proptest! {
             ],
             "buffers": [{"byteLength": bytes.len()}],
         });
-        let read = mesh::read(&glb(&json, &bytes), Format::Glb, Path::new("nowhere/m.glb"), None);
+        let read = mesh::read(&glb(&json, &bytes), ModelFormat::Glb, Path::new("nowhere/m.glb"), None);
         prop_assert_eq!(&corners(&read.unwrap().unwrap()), &wanted);
     }
 }

@@ -48,7 +48,7 @@ fn square(material: &Value, opacity: u8) -> Vec<u8> {
 }
 
 fn sampled(path: &Path, spacing: Spacing) -> Surfels {
-    let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..LoadOptions::default() };
+    let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..SceneLoadOptions::default() };
     model::load(path, &options, &|_, _| {}).unwrap().surfels
 }
 
@@ -155,14 +155,14 @@ fn the_size_that_is_asked_for_decides_the_spacing() {
     let text = "<scene><image width='400' height='300'/><camera eye='0 0 4' at='0 0 0'/>\
                 <object><pointModel>box.glb</pointModel></object></scene>";
     fs::write(folder.path().join("scene.xml"), text).unwrap();
-    let small = scene_file::LoadOptions { size: Some((200, 150)), ..scene_file::LoadOptions::default() };
+    let small = scene_file::SceneLoadOptions { size: Some((200, 150)), ..scene_file::SceneLoadOptions::default() };
     let scene = scene_file::load(&folder.path().join("scene.xml"), &small).unwrap().scene;
     assert_eq!((scene.image.width, scene.image.height), (200, 150));
     assert_eq!(scene.objects[0].shape.elements(), at_distance(4.0, [200, 150]).0);
     // A model alone, too, whose camera then suits the shape of the image.
     let path = folder.path().join("box.glb");
     let radii = [(256, 192), (128, 96)].map(|size| {
-        let options = scene_file::LoadOptions { size: Some(size), ..scene_file::LoadOptions::default() };
+        let options = scene_file::SceneLoadOptions { size: Some(size), ..scene_file::SceneLoadOptions::default() };
         let surfels = &scene_file::load_model(&path, &options).unwrap().scene.objects[0]
             .shape
             .surfels()
@@ -222,7 +222,7 @@ fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = coloured_cube(folder.path());
     // Twice as fine as the pictures below need.
-    let size = scene_file::LoadOptions { size: Some((320, 240)), ..scene_file::LoadOptions::default() };
+    let size = scene_file::SceneLoadOptions { size: Some((320, 240)), ..scene_file::SceneLoadOptions::default() };
     let mut scene = scene_file::load_model(&mesh, &size).unwrap().scene;
     assert!(scene.camera.automatic);
     (scene.image.width, scene.image.height) = (160, 120);
@@ -241,7 +241,7 @@ fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     // The same surfels as a cloud.
     let path = folder.path().join("cube.bin");
     model::write_bin(&path, &sampled(&mesh, Spacing::Of(0.02))).unwrap();
-    let cloud = scene_file::load_model(&path, &scene_file::LoadOptions::default()).unwrap().scene.camera;
+    let cloud = scene_file::load_model(&path, &scene_file::SceneLoadOptions::default()).unwrap().scene.camera;
     assert_eq!((cloud.eye.x, cloud.eye.y), (cloud.at.x, cloud.at.y));
 }
 
@@ -302,7 +302,7 @@ fn files_with_the_same_mesh_share_its_surfels() {
     let body: String = objects.iter().map(object).collect();
     let path = folder.path().join("scene.xml");
     fs::write(&path, format!("<scene><camera eye='0.5 0.5 9' at='0.5 0.5 0'/>{body}</scene>")).unwrap();
-    let loaded = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap();
+    let loaded = scene_file::load(&path, &scene_file::SceneLoadOptions::default()).unwrap();
     let shown = |i: usize| loaded.scene.objects[i].shape.surfels().unwrap().surfels();
     let shares = |i: usize, j: usize| std::sync::Arc::ptr_eq(shown(i), shown(j));
     let sharing: Vec<[usize; 2]> =
@@ -322,7 +322,7 @@ fn animations_are_ignored_only_where_nothing_plays_them() {
         let path = folder.path().join("scene.xml");
         let object = format!("<object><pointModel node='#2' spacing='0.1'>truck.glb</pointModel>{animation}</object>");
         fs::write(&path, format!("<scene>{object}</scene>")).unwrap();
-        let notes = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap().notes;
+        let notes = scene_file::load(&path, &scene_file::SceneLoadOptions::default()).unwrap().notes;
         notes.iter().filter(|note| note.contains("ignored: animations")).count()
     };
     assert_eq!(says(""), 1);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3, Mat4, Vec2, Vec3, Vec4};
 use serde_json::{Value, json};
-use splatblur::model::Format;
+use splatblur::model::ModelFormat;
 use splatblur::model::mesh::{self, AlphaMode, Mesh, Wrap};
 
 /// A model: one that ships, or one for tests alone.
@@ -27,7 +27,7 @@ const FUZE_MEAN: [f64; 3] = [136.556, 124.437, 123.363];
 
 fn read(path: &Path, node: Option<&str>) -> Result<Option<Mesh>, String> {
     let bytes = fs::read(path).unwrap();
-    let format = Format::detect(&bytes, path).unwrap();
+    let format = ModelFormat::detect(&bytes, path).unwrap();
     mesh::read(&bytes, format, path, node).map_err(|why| why.to_string())
 }
 
@@ -78,7 +78,7 @@ fn square() -> (Value, Vec<u8>) {
 }
 
 fn parse(text: &Value, data: &[u8]) -> Result<Option<Mesh>, String> {
-    mesh::read(&glb(text, data), Format::Glb, Path::new("x.glb"), None).map_err(|why| why.to_string())
+    mesh::read(&glb(text, data), ModelFormat::Glb, Path::new("x.glb"), None).map_err(|why| why.to_string())
 }
 
 /// The square after a change of its text.
@@ -195,7 +195,7 @@ fn one_node_is_in_its_own_space() {
     let (mut text, bytes) = square();
     text["meshes"] = json!([text["meshes"][0], text["meshes"][0]]);
     text["nodes"] = json!([{"mesh": 0, "children": [1]}, {"mesh": 1}]);
-    let error = mesh::read(&glb(&text, &bytes), Format::Glb, Path::new("x.glb"), Some("flat")).unwrap_err();
+    let error = mesh::read(&glb(&text, &bytes), ModelFormat::Glb, Path::new("x.glb"), Some("flat")).unwrap_err();
     assert!(error.to_string().contains("found 2 nodes `flat`, expected one of #0, #1"), "{error}");
 }
 
@@ -462,13 +462,13 @@ fn every_cut_and_every_changed_byte_is_read_or_refused() {
     let bytes = fs::read(data("BoxInterleaved.glb")).unwrap();
     let path = Path::new("x.glb");
     for length in 0..bytes.len() {
-        assert!(mesh::read(&bytes[..length], Format::Glb, path, None).is_err(), "{length}");
+        assert!(mesh::read(&bytes[..length], ModelFormat::Glb, path, None).is_err(), "{length}");
     }
     for at in 0..bytes.len() {
         for change in [1, 0x20, 0x80] {
             let mut changed = bytes.clone();
             changed[at] ^= change;
-            let _ = mesh::read(&changed, Format::Glb, path, None);
+            let _ = mesh::read(&changed, ModelFormat::Glb, path, None);
             let _ = mesh::nodes(&changed, path);
         }
     }
@@ -506,7 +506,7 @@ fn a_bottle_has_its_texture() {
 }
 
 fn obj(text: &str) -> Result<Option<Mesh>, String> {
-    mesh::read(text.as_bytes(), Format::Obj, Path::new("x.obj"), None).map_err(|why| why.to_string())
+    mesh::read(text.as_bytes(), ModelFormat::Obj, Path::new("x.obj"), None).map_err(|why| why.to_string())
 }
 
 #[test]
@@ -563,7 +563,7 @@ fn materials_of_obj_files_are_found_as_people_name_them() {
         "mtllib my model.mtl\nmtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n",
         "usemtl two words\nf 1 2 3\nusemtl see\nf 1 2 3\nusemtl short\nf 1 2 3\nusemtl unknown\nf 3 2 1\n",
     );
-    let with = |text: &str| mesh::read(text.as_bytes(), Format::Obj, &place("x.obj"), None);
+    let with = |text: &str| mesh::read(text.as_bytes(), ModelFormat::Obj, &place("x.obj"), None);
     let mesh = with(text).unwrap().unwrap();
     let used: Vec<_> = mesh.triangles.iter().map(|t| &mesh.materials[t.material as usize]).collect();
     assert_eq!((used[0].colour, used[0].alpha), (Vec4::new(0.5, 0.25, 1.0, 0.5), AlphaMode::Blend));
@@ -599,7 +599,7 @@ fn textured(bytes: &[u8]) -> Result<Option<mesh::Texture>, String> {
 
 fn texture_in(folder: &tempfile::TempDir) -> Result<Option<mesh::Texture>, String> {
     let text = b"mtllib m.mtl\nv 0 0 0\nusemtl a\nf 1 1 1\n";
-    let mesh = mesh::read(text, Format::Obj, &folder.path().join("x.obj"), None).map_err(|why| why.to_string())?;
+    let mesh = mesh::read(text, ModelFormat::Obj, &folder.path().join("x.obj"), None).map_err(|why| why.to_string())?;
     Ok(mesh.unwrap().textures.first().cloned())
 }
 
@@ -668,7 +668,7 @@ fn images_that_promise_too_much_are_refused() {
 fn a_capture_stays_one() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/glb/ok-three.glb");
     assert!(read(&path, None).unwrap().is_none());
-    assert!(splatblur::model::parse_capture(&fs::read(path).unwrap(), Format::Glb).unwrap().is_some());
+    assert!(splatblur::model::parse_capture(&fs::read(path).unwrap(), ModelFormat::Glb).unwrap().is_some());
 }
 
 #[test]

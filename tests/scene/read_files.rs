@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::json;
-use splatblur::scene_file::{self, LoadOptions};
+use splatblur::scene_file::{self, SceneLoadOptions};
 
 const SCENE: &str = r#"<scene>
   <image width="8" height="6"/>
@@ -59,7 +59,7 @@ fn all_that_is_read_is_listed() {
         fs::write(place(&format!("m.{number}.ply")), include_str!("../data/scenes/m.ply")).unwrap();
     }
     fs::write(place("scene.xml"), SCENE).unwrap();
-    let loaded = scene_file::load(&place("scene.xml"), &LoadOptions::default()).unwrap();
+    let loaded = scene_file::load(&place("scene.xml"), &SceneLoadOptions::default()).unwrap();
     let mut names = [
         "a.anim",
         "m.1.ply",
@@ -78,7 +78,7 @@ fn all_that_is_read_is_listed() {
     names.sort();
     assert_eq!(loaded.scene.files.into_keys().collect::<Vec<_>>(), names);
     // A model alone.
-    let small = LoadOptions { size: Some((8, 6)), ..LoadOptions::default() };
+    let small = SceneLoadOptions { size: Some((8, 6)), ..SceneLoadOptions::default() };
     let loaded = scene_file::load_model(&place("square.obj"), &small).unwrap();
     assert_eq!(
         loaded.scene.files.into_keys().collect::<Vec<_>>(),

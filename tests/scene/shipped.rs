@@ -90,7 +90,7 @@ fn every_scene_loads_without_a_word_of_doubt() {
     for name in files {
         let path = scenes().join(&name);
         let loaded =
-            scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+            scene_file::load(&path, &scene_file::SceneLoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
         let scene = loaded.scene;
         assert_eq!((scene.image.width, scene.image.height), (960, 540), "{name}");
         // A propeller before a rolling shutter is sharp.

@@ -7,7 +7,7 @@ use std::fs;
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use splatblur::scene::Scene;
 use splatblur::scene::pose::camera_from_world;
-use splatblur::scene_file::{LoadOptions, load, to_xml};
+use splatblur::scene_file::{SceneLoadOptions, load, to_xml};
 use tempfile::TempDir;
 
 const MODEL: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -136,11 +136,11 @@ fn scene_file(format: &str, attributes: &str, image: &str) -> TempDir {
 }
 
 fn loaded(dir: &TempDir) -> Scene {
-    load(&dir.path().join("s.xml"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e:?}")).scene
+    load(&dir.path().join("s.xml"), &SceneLoadOptions::default()).unwrap_or_else(|e| panic!("{e:?}")).scene
 }
 
 fn error(dir: &TempDir) -> String {
-    match load(&dir.path().join("s.xml"), &LoadOptions::default()) {
+    match load(&dir.path().join("s.xml"), &SceneLoadOptions::default()) {
         Ok(_) => "loaded".to_owned(),
         Err(e) => format!("{:#}", anyhow::Error::from(e)).replace(&format!("{}/", dir.path().display()), ""),
     }
@@ -232,7 +232,7 @@ fn the_lens_is_that_of_the_file() {
         assert!((scene.camera.shift - shift).length() < 1e-12, "{format}");
     }
     let dir = scene_file("nerfstudio", "", "<image width='320' height='320'/>");
-    let notes = load(&dir.path().join("s.xml"), &LoadOptions::default()).unwrap().notes;
+    let notes = load(&dir.path().join("s.xml"), &SceneLoadOptions::default()).unwrap().notes;
     let note = "camera: the track's images have 320 x 240 pixels, this one has 320 x 320: the height is kept";
     assert!(notes.iter().any(|found| found == note), "{notes:?}");
 }
@@ -308,7 +308,7 @@ fn what_is_wrong_with_a_track_is_said() {
     let dir = scene_file("nerfstudio", "distortion='ignore'", "");
     let text = String::from_utf8(written("nerfstudio")[0].1.clone()).unwrap().replace("\"k1\":0.0", "\"k1\":0.1");
     fs::write(dir.path().join("t.json"), text).unwrap();
-    let notes = load(&dir.path().join("s.xml"), &LoadOptions::default()).unwrap().notes;
+    let notes = load(&dir.path().join("s.xml"), &SceneLoadOptions::default()).unwrap().notes;
     assert!(notes.iter().any(|note| note.ends_with("distortion ignored: k1 0.1")), "{notes:?}");
     // No pose twice at one time, and no track beside an animation.
     let dir = scene_file("tum", "", "");

@@ -41,7 +41,7 @@ impl Dir {
 
     fn scene(&self, text: &str) -> Result<scene_file::LoadedScene, SceneError> {
         fs::write(self.path("scene.xml"), text).unwrap();
-        scene_file::load(&self.path("scene.xml"), &scene_file::LoadOptions::default())
+        scene_file::load(&self.path("scene.xml"), &scene_file::SceneLoadOptions::default())
     }
 
     fn object(&self, attributes: &str, inside: &str) -> Result<scene_file::LoadedScene, SceneError> {

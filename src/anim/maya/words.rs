@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::anim::error::{AnimError, Location};
+use crate::anim::error::{AnimError, AnimLocation};
 
 /// A token of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,8 +44,8 @@ impl<'a> Words<'a> {
         Self { path, text, position: 0, line: 1, peeked: None, token_line: 1 }
     }
 
-    pub(super) fn at(&self) -> Location {
-        Location { path: self.path.to_owned(), line: self.token_line }
+    pub(super) fn at(&self) -> AnimLocation {
+        AnimLocation { path: self.path.to_owned(), line: self.token_line }
     }
 
     /// The error "found this token, expected ..." at the last token.

@@ -15,7 +15,7 @@ use super::resolve::Resolve;
 use super::tile_buffers::TileBuffers;
 use super::tiles::Band;
 use super::values::{self, Faced, Shown};
-use super::waste::{Sight, Wasteful};
+use super::waste::{WasteView, Wasteful};
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup, Raster};
@@ -153,7 +153,7 @@ impl Scope<'_> {
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
         if let Some(wasted) = &self.clocks.wasted {
-            let sight = Sight {
+            let sight = WasteView {
                 band: self.band,
                 raster: self.raster,
                 near: self.frame.near,

@@ -53,7 +53,7 @@ impl Wasted {
 
 /// How splats are seen.
 #[derive(Clone, Copy)]
-pub(in crate::backend) struct Sight<'a> {
+pub(in crate::backend) struct WasteView<'a> {
     pub band: Band,
     pub raster: &'a Raster,
     pub near: f32,
@@ -63,17 +63,17 @@ pub(in crate::backend) struct Sight<'a> {
     pub low_pass: f32,
 }
 
-impl Sight<'_> {
+impl WasteView<'_> {
     /// What kernels at instants are seen with.
-    pub(in crate::backend) fn rays(&self) -> paint::Sight {
-        paint::Sight::new(self.near, self.raster)
+    pub(in crate::backend) fn rays(&self) -> paint::RasterRays {
+        paint::RasterRays::new(self.near, self.raster)
     }
 }
 
 /// Splats whose waste can be counted.
 pub(in crate::backend) trait Wasteful: Sized {
     /// The counts of the splats of a chunk.
-    fn waste(binned: &Binned<Self>, sight: &Sight<'_>) -> Waste;
+    fn waste(binned: &Binned<Self>, sight: &WasteView<'_>) -> Waste;
 }
 
 /// All pixels of a band as one tile, for patches that know no tiles.

@@ -12,7 +12,7 @@ use super::device::Device;
 use super::layout::{CAPTURE_STRIDES, DIGIT_BITS, UNIFORM_STRIDE};
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
-use super::programs::{Constants, Kernel, Pipelines, Program, Slot};
+use super::programs::{Constants, KernelKind, Pipelines, Program, Slot};
 use super::timestamps::Marks;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
@@ -349,7 +349,7 @@ impl Binder<'_> {
             }
             Some(kernel) => SurfelPrograms::Sweep(self.swept_programs(prepared, kernel, emitted)?),
             None => {
-                let kernel = (Kernel::of(frame.prefilter), &prepared.channels);
+                let kernel = (KernelKind::of(frame.prefilter), &prepared.channels);
                 SurfelPrograms::Paint(self.paint_programs(prepared, kernel, false, emitted)?)
             }
         };
@@ -429,10 +429,10 @@ impl Binder<'_> {
         let none = Constants::new();
         Ok(MapPrograms {
             lists: ListPrograms {
-                project: self.of_surfels(Program::Project(Kernel::Disc), &none, &prepared.surfel_buffers)?,
+                project: self.of_surfels(Program::Project(KernelKind::Disc), &none, &prepared.surfel_buffers)?,
                 emit: self.program(Program::BinEmit, &none, emitted, &[])?,
             },
-            visibility: self.program(Program::Visibility(Kernel::Disc), &none, 1, &[])?,
+            visibility: self.program(Program::Visibility(KernelKind::Disc), &none, 1, &[])?,
             store: self.program(Program::StoreMap, &none, 0, &[])?,
         })
     }

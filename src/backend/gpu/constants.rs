@@ -1,7 +1,7 @@
 //! Values of the `override` constants of programs: what the frame needs, where channels and planes are.
 
 use super::memory::DeviceChannels;
-use super::programs::{Constants, Kernel};
+use super::programs::{Constants, KernelKind};
 use crate::film::{Blending, FilmPlanes};
 use crate::frame::Frame;
 use crate::options::{KernelShape, KernelWeight, Shading, SweptKernel, TemporalAlpha};
@@ -42,7 +42,7 @@ fn face(frame: &Frame) -> (&'static str, u32) {
 
 /// How the depths of a tile lie (`shaders/common/depths.wgsl`). `peels`: layers are peeled off, which have one limit
 /// for all objects.
-pub(super) fn depth_constants(frame: &Frame, kernel: Kernel, peels: bool) -> Constants {
+pub(super) fn depth_constants(frame: &Frame, kernel: KernelKind, peels: bool) -> Constants {
     let keeps_nearest = frame.keeps_nearest && !peels;
     vec![
         ("FILTERED", u32::from(kernel.is_filtered())),
@@ -54,14 +54,14 @@ pub(super) fn depth_constants(frame: &Frame, kernel: Kernel, peels: bool) -> Con
 /// For pass `resolve` of kernels at instants.
 pub(super) fn paint_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let mut constants = resolve_constants(frame, channels, planes);
-    constants.extend(depth_constants(frame, Kernel::of(frame.prefilter), false));
+    constants.extend(depth_constants(frame, KernelKind::of(frame.prefilter), false));
     constants
 }
 
 /// For the programs that make layers of what is peeled off. The films of layers have a plane more.
 pub(super) fn peel_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let mut constants = resolve_constants(frame, channels, &FilmPlanes { count: planes.count + 1, ..*planes });
-    constants.extend(depth_constants(frame, Kernel::Filtered, true));
+    constants.extend(depth_constants(frame, KernelKind::Filtered, true));
     constants.extend([("APRONS", u32::from(frame.has_filtered_kernels())), ("MOST_LAYERS", u32::from(LAYERS))]);
     constants
 }

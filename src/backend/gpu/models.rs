@@ -20,11 +20,11 @@ const MOST_SURFELS: u64 = 1 << 22;
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Models {
     models: Vec<Model>,
-    captures: Vec<Capture>,
+    captures: Vec<CaptureBuffers>,
 }
 
 #[derive(Debug)]
-struct Capture {
+struct CaptureBuffers {
     /// As in [`Model`].
     gaussians: Weak<Gaussians>,
     buffers: Vec<ModelBuffer>,
@@ -92,12 +92,12 @@ impl Models {
         gaussians: &Arc<Gaussians>,
     ) -> Result<Vec<ModelBuffer>, BackendError> {
         self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
-        let same = |capture: &&Capture| capture.gaussians.as_ptr() == Arc::as_ptr(gaussians);
+        let same = |capture: &&CaptureBuffers| capture.gaussians.as_ptr() == Arc::as_ptr(gaussians);
         if let Some(capture) = self.captures.iter().find(same) {
             return Ok(capture.buffers.clone());
         }
         let buffers = upload_gaussians(device, gaussians)?;
-        self.captures.push(Capture { gaussians: Arc::downgrade(gaussians), buffers: buffers.clone() });
+        self.captures.push(CaptureBuffers { gaussians: Arc::downgrade(gaussians), buffers: buffers.clone() });
         Ok(buffers)
     }
 }

@@ -9,7 +9,7 @@ use super::constants::{depth_constants, sum_constants, value_constants};
 use super::job::{Job, StepWork, dispatch, of_segments};
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
-use super::programs::{Kernel, Program, Slot};
+use super::programs::{KernelKind, Program, Slot};
 use super::timestamps::Stage;
 use crate::backend::BackendError;
 use crate::layout::{EwaSplat, Splat};
@@ -21,7 +21,7 @@ impl Binder<'_> {
     pub(super) fn paint_programs(
         &mut self,
         prepared: &Prepared<'_>,
-        (kernel, channels): (Kernel, &DeviceChannels),
+        (kernel, channels): (KernelKind, &DeviceChannels),
         peels: bool,
         emitted: usize,
     ) -> Result<PaintPrograms, BackendError> {

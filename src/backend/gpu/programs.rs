@@ -48,7 +48,7 @@ pub(in crate::backend) enum Slot {
 
 /// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(in crate::backend) enum Kernel {
+pub(in crate::backend) enum KernelKind {
     /// A disc.
     Disc,
     /// A disc with a low-pass disc on the screen, as published.
@@ -60,7 +60,7 @@ pub(in crate::backend) enum Kernel {
 /// A compute program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::backend) enum Program {
-    Project(Kernel),
+    Project(KernelKind),
     BinReduce,
     BinScan,
     BinEmit,
@@ -68,10 +68,10 @@ pub(in crate::backend) enum Program {
     SortScan,
     SortScatter,
     BinStarts,
-    Visibility(Kernel),
+    Visibility(KernelKind),
     Second,
     SplatValues,
-    Attribute(Kernel),
+    Attribute(KernelKind),
     Resolve,
     Sweep,
     SweptVisibility,
@@ -266,7 +266,7 @@ const PEEL: &str = wgsl!(
     "transparent/peel.wgsl",
 );
 
-impl Kernel {
+impl KernelKind {
     /// The kernels at instants of a frame.
     pub(in crate::backend) const fn of(prefilter: Prefilter) -> Self {
         match prefilter {
@@ -298,9 +298,9 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 impl Program {
     #[cfg(test)]
     pub(in crate::backend) const ALL: [Self; 35] = [
-        Self::Project(Kernel::Disc),
-        Self::Project(Kernel::LowPass),
-        Self::Project(Kernel::Filtered),
+        Self::Project(KernelKind::Disc),
+        Self::Project(KernelKind::LowPass),
+        Self::Project(KernelKind::Filtered),
         Self::BinReduce,
         Self::BinScan,
         Self::BinEmit,
@@ -308,14 +308,14 @@ impl Program {
         Self::SortScan,
         Self::SortScatter,
         Self::BinStarts,
-        Self::Visibility(Kernel::Disc),
-        Self::Visibility(Kernel::LowPass),
-        Self::Visibility(Kernel::Filtered),
+        Self::Visibility(KernelKind::Disc),
+        Self::Visibility(KernelKind::LowPass),
+        Self::Visibility(KernelKind::Filtered),
         Self::Second,
         Self::SplatValues,
-        Self::Attribute(Kernel::Disc),
-        Self::Attribute(Kernel::LowPass),
-        Self::Attribute(Kernel::Filtered),
+        Self::Attribute(KernelKind::Disc),
+        Self::Attribute(KernelKind::LowPass),
+        Self::Attribute(KernelKind::Filtered),
         Self::Resolve,
         Self::Sweep,
         Self::StoreMap,
@@ -339,7 +339,7 @@ impl Program {
     pub(in crate::backend) fn wgsl(self) -> String {
         let kernel = match self {
             Self::Project(kernel) | Self::Visibility(kernel) | Self::Attribute(kernel) => kernel.wgsl(),
-            Self::Second => Kernel::Filtered.wgsl(),
+            Self::Second => KernelKind::Filtered.wgsl(),
             _ => "",
         };
         [kernel, self.own_wgsl()].concat()

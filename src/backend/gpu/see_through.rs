@@ -12,7 +12,7 @@ use super::constants::peel_constants;
 use super::job::{Job, JobPlace, StepWork, dispatch, of_segments};
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
-use super::programs::{Kernel, Program, Slot};
+use super::programs::{KernelKind, Program, Slot};
 use super::timestamps::{Marks, Stage};
 use crate::backend::BackendError;
 use crate::plan::LayerPass;
@@ -31,7 +31,7 @@ impl Binder<'_> {
         Ok(SeeThroughPrograms {
             start: self.program(Program::PeelStart, &of_layers, 1, &film)?,
             // Without groups of splats before the band nobody asks which pixels are solid.
-            paint: self.paint_programs(prepared, (Kernel::Filtered, channels), true, emitted)?,
+            paint: self.paint_programs(prepared, (KernelKind::Filtered, channels), true, emitted)?,
             resolve: self.program(Program::PeelResolve, &of_layers, 1, &film)?,
             left_out: self.program(Program::PeelLeftOut, &of_layers, 1, &[])?,
         })

@@ -6,8 +6,8 @@ use super::splat_twins::{Posed, whole_chunks};
 use super::tiles_of_edge::{rect, take_rows, touches};
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::paint::attribute::{self, Filter};
-use crate::backend::cpu::paint::buffers::{APRON_STRIDE, EXTRA, Layer, with_apron};
-use crate::backend::cpu::paint::{PaintGroup, Sight, resolve, visibility};
+use crate::backend::cpu::paint::buffers::{APRON_STRIDE, DepthLayer, EXTRA, with_apron};
+use crate::backend::cpu::paint::{PaintGroup, RasterRays, resolve, visibility};
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
@@ -72,7 +72,7 @@ impl EwaTwins<'_> {
             let mut of_splats = Vec::new();
             values::values(splats, &scope.shown(chunk), &mut of_splats);
             let attributes = scope.attributes(chunk, &of_splats);
-            let sight = Sight::new(scope.frame.near, scope.raster);
+            let sight = RasterRays::new(scope.frame.near, scope.raster);
             let filter = Filter { attributes, depths: scope.depths(chunk), sight, start, ceiling: &[] };
             let TileBuffers { paint, group_coverage, .. } = &mut buffers;
             attribute::attribute(splats, list, &filter, &tile, paint, &mut group_coverage.sample_coverage);
@@ -142,7 +142,7 @@ impl EwaTwins<'_> {
         let channels = self.scope().channels.count;
         let row = (channels + EXTRA) * STRIDE;
         let none = vec![0.0; self.edge * self.edge];
-        let planes = |layer: Layer, count: usize| -> Vec<Vec<f32>> {
+        let planes = |layer: DepthLayer, count: usize| -> Vec<Vec<f32>> {
             let sums = &paint.sums[layer as usize];
             let plane = |c: usize| match sums[..] {
                 [] => none.clone(),
@@ -151,14 +151,14 @@ impl EwaTwins<'_> {
             (0..count).map(plane).collect()
         };
         if self.scope().group.samples.len() == 1 {
-            return Layer::ALL.map(|layer| planes(layer, channels + EXTRA)).into();
+            return DepthLayer::ALL.map(|layer| planes(layer, channels + EXTRA)).into();
         }
         let coverage = [&group_coverage.sample_coverage, &group_coverage.coverage, &group_coverage.of_static];
         let coverage = coverage.map(|plane| match plane[..] {
             [] => none.clone(),
             _ => take_rows(plane, STRIDE, self.edge),
         });
-        vec![[planes(Layer::Band, channels), coverage.into()].concat()]
+        vec![[planes(DepthLayer::Band, channels), coverage.into()].concat()]
     }
 
     /// Film of a tile after the group alone: plane by plane.

@@ -12,7 +12,7 @@ use super::splat_twins::{Context, whole};
 use super::sweeps::{same_with_small_buffers, spoil, values};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::paint::PaintGroup;
-use crate::backend::cpu::paint::buffers::Layer;
+use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::{Segment, TILE};
 use crate::frame::Frame;
@@ -135,8 +135,9 @@ impl Both<'_> {
             for (layer, planes) in self.twins.sums(host).iter().enumerate() {
                 for (channel, plane) in planes.iter().enumerate() {
                     for pixel in 0..PIXELS {
-                        // Of a solid pixel only the band is known, without what makes a coverage.
-                        let is_band = layer == Layer::Band as usize && channels.peak.is_none_or(|peak| channel < peak);
+                        // A solid pixel knows only its band, without what makes a coverage.
+                        let is_band =
+                            layer == DepthLayer::Band as usize && channels.peak.is_none_or(|peak| channel < peak);
                         if !inside[pixel] || layers > 1 && second[pixel].is_none() && !is_band {
                             continue;
                         }

@@ -6,9 +6,9 @@ use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
 use crate::backend::cpu::chunk::{Chunk, chunks};
 use crate::backend::cpu::clocks::Clocks;
 use crate::backend::cpu::paint::attribute::{Filter, attribute};
-use crate::backend::cpu::paint::buffers::{APRON_STRIDE, Layer};
+use crate::backend::cpu::paint::buffers::{APRON_STRIDE, DepthLayer};
 use crate::backend::cpu::paint::visibility::visibility;
-use crate::backend::cpu::paint::{Kernel, Sight};
+use crate::backend::cpu::paint::{Kernel, RasterRays};
 use crate::backend::cpu::published::LowPassSplat;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
@@ -143,7 +143,7 @@ impl SplatTwins<'_> {
     pub(super) fn attribute(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32], nearest: &[f32]) -> Sums {
         let mut buffers = self.with_depths(thresholds, nearest);
         let rect = rect(&self.scope.band, tile, self.edge);
-        let sight = Sight::new(self.scope.frame.near, self.scope.raster);
+        let sight = RasterRays::new(self.scope.frame.near, self.scope.raster);
         for posed in posed {
             self.scope.turn(&posed.chunk, &mut buffers);
             let mut values = Vec::new();
@@ -171,7 +171,7 @@ impl SplatTwins<'_> {
             [] => Vec::new(),
             _ => take_rows(values, STRIDE, self.edge),
         };
-        let sums = &buffers.paint.sums[Layer::Band as usize];
+        let sums = &buffers.paint.sums[DepthLayer::Band as usize];
         let channel = |c: usize| take_rows(&sums[c * STRIDE..], buffers.paint.row, self.edge);
         Sums {
             channels: (0..channels).map(channel).collect(),
@@ -186,7 +186,7 @@ impl SplatTwins<'_> {
         let mut buffers = self.with_depths(thresholds, &[]);
         let row = buffers.paint.row;
         for (c, channel) in sums.channels.iter().enumerate() {
-            put_rows(channel, &mut buffers.paint.sums[Layer::Band as usize][c * STRIDE..], row, self.edge);
+            put_rows(channel, &mut buffers.paint.sums[DepthLayer::Band as usize][c * STRIDE..], row, self.edge);
         }
         put_rows(&sums.coverage, &mut buffers.group_coverage.coverage, STRIDE, self.edge);
         let mut film = TileFilm::default();

@@ -13,7 +13,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use serde::Serialize;
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
-use splatblur::dataset::{self, By, DatasetError, Layout, MOST_SHARP, Made, Noise, Recipe, TRANSFORMS};
+use splatblur::dataset::{self, By, DatasetError, FolderLayout, MOST_SHARP, Made, Noise, Recipe, TRANSFORMS};
 use splatblur::files;
 use splatblur::image::{self, Bits, Exr, Format, ImageError, Precision, Response};
 use splatblur::options::{BlurMode, Quality, RenderOptions};
@@ -86,12 +86,13 @@ pub(super) struct Dataset {
     #[arg(
         long,
         default_value = "nerfstudio",
-        value_parser = PossibleValuesParser::new(Layout::ALL.map(|(name, _)| name)).map(|word| {
-            Layout::ALL.into_iter().find(|(name, _)| *name == word).map_or_else(Layout::default, |(_, layout)| layout)
+        value_parser = PossibleValuesParser::new(FolderLayout::ALL.map(|(name, _)| name)).map(|word| {
+            let named = FolderLayout::ALL.into_iter().find(|(name, _)| *name == word);
+            named.map_or_else(FolderLayout::default, |(_, layout)| layout)
         }),
         help_heading = "Output"
     )]
-    layout: Layout,
+    layout: FolderLayout,
     /// Sharp pictures of a frame: 3 are those of open, middle and close; 1 is that of the middle.
     #[arg(
         long,
@@ -345,7 +346,7 @@ struct FileSettings<'a> {
 
 /// Why a frame was not written.
 #[derive(Debug, thiserror::Error)]
-enum FrameError {
+enum DatasetFrameError {
     #[error(transparent)]
     Made(#[from] DatasetError),
     #[error(transparent)]
@@ -376,19 +377,24 @@ impl Output<'_> {
     }
 
     /// Makes and writes a frame. `gate` is held while a file is being written.
-    fn frame(&self, renderer: &mut Renderer, gate: &Mutex<()>, frame: FrameNumber) -> Result<FrameReport, FrameError> {
+    fn frame(
+        &self,
+        renderer: &mut Renderer,
+        gate: &Mutex<()>,
+        frame: FrameNumber,
+    ) -> Result<FrameReport, DatasetFrameError> {
         let start = Instant::now();
         let write = |file: &dataset::File, content: dataset::FileContents| {
             let settings = self.settings_of(&file.path, frame)?;
             let path = self.directory.join(&file.path);
             let folder = path.parent().unwrap_or(self.directory);
             let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
-            fs::create_dir_all(folder).map_err(|source| FrameError::Directory(folder.to_owned(), source))?;
+            fs::create_dir_all(folder).map_err(|source| DatasetFrameError::Directory(folder.to_owned(), source))?;
             Ok(content.write(&path, &settings)?)
         };
         let backend = renderer.backend();
         let Made { achieved, mean_error } =
-            dataset::frame::<FrameError>(backend, self.scene, frame, self.recipe, self.seed, write)?;
+            dataset::frame::<DatasetFrameError>(backend, self.scene, frame, self.recipe, self.seed, write)?;
         let seconds = start.elapsed().as_secs_f64();
         Ok(FrameReport { frame, skipped: false, seconds, auto: achieved, mean_error })
     }

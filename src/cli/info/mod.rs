@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use splatblur::model::{Format, ModelError, mesh};
+use splatblur::model::{ModelError, ModelFormat, mesh};
 use splatblur::{anim, files, image, model, scene_file};
 
 use super::output::{self, print, print_json};
@@ -113,7 +113,7 @@ impl Info {
         let restrict = self.restrict.as_deref();
         let loaded = scene_file::load(
             file,
-            &scene_file::LoadOptions { lenient: self.lenient, restrict, size: None, progress: Some(&step) },
+            &scene_file::SceneLoadOptions { lenient: self.lenient, restrict, size: None, progress: Some(&step) },
         )?;
         drop(progress);
         if self.xml {
@@ -164,12 +164,16 @@ impl Info {
 fn meshes(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
     // Files whose first bytes show another format are read once, by their loader: they may be large.
     let start = head(file).with_context(|| format!("cannot read {}", file.display()))?;
-    if let Some(Format::Bin | Format::Ply | Format::Sfl | Format::Spz | Format::Sog) = Format::detect(&start, file) {
+    if let Some(ModelFormat::Bin | ModelFormat::Ply | ModelFormat::Sfl | ModelFormat::Spz | ModelFormat::Sog) =
+        ModelFormat::detect(&start, file)
+    {
         return Ok(None);
     }
     files::steady(|| {
         let bytes = files::read(file, u64::MAX).with_context(|| format!("cannot read {}", file.display()))?;
-        let Some(format @ (Format::Glb | Format::Gltf)) = Format::detect(&bytes, file) else { return Ok(None) };
+        let Some(format @ (ModelFormat::Glb | ModelFormat::Gltf)) = ModelFormat::detect(&bytes, file) else {
+            return Ok(None);
+        };
         let invalid = |why| ModelError::Invalid { path: file.to_owned(), why };
         let Some(mesh) = mesh::read(&bytes, format, file, None).map_err(invalid)? else { return Ok(None) };
         let nodes = mesh::nodes(&bytes, file).map_err(invalid)?;

@@ -31,7 +31,7 @@ use self::json::{FrameReport, Report};
 use self::movie::Sources;
 use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
-use self::sequence::{Finished, Rendering, Sequence};
+use self::sequence::{Finished, FrameOutput, Rendering};
 use super::backend::BackendArgs;
 use super::common::{
     Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
@@ -160,7 +160,7 @@ impl Render {
         } else {
             stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         }
-        let sequence = Sequence {
+        let sequence = FrameOutput {
             frames: &frames,
             directory: &directory,
             stem: &scene.name,

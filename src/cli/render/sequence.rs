@@ -22,7 +22,7 @@ pub(in crate::cli) fn file_name(stem: &str, frame: FrameNumber, format: Format) 
 }
 
 /// What to write, and where.
-pub(super) struct Sequence<'a> {
+pub(super) struct FrameOutput<'a> {
     pub(super) frames: &'a FrameList,
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
@@ -122,7 +122,7 @@ impl<S: FnMut(FrameNumber, &Rendered), F: Fn(&Finished)> HandOut<'_, S, F> {
     }
 }
 
-impl Sequence<'_> {
+impl FrameOutput<'_> {
     /// Renders and writes all frames in order, into the movie too; stops at the first error. `seen` is shown each frame
     /// that was rendered, and `finished` hears of each that was rendered or skipped. Returns them, and the finished
     /// movie, which has no name yet.
@@ -295,7 +295,7 @@ mod tests {
         let gate = Mutex::new(());
         let frames = FrameList::range(1, 3).unwrap();
         let sequence =
-            Sequence { frames: &frames, directory, stem: "a", format: PNG, resume, writes: true, gate: &gate };
+            FrameOutput { frames: &frames, directory, stem: "a", format: PNG, resume, writes: true, gate: &gate };
         let mut scene = Scene::new([Object::new(Shape::default())]);
         (scene.image.width, scene.image.height) = (1, 1);
         let options =

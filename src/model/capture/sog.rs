@@ -173,8 +173,8 @@ struct Harmonics {
     degree: u8,
     sets: usize,
     codes: [f64; CODES],
-    labels: Picture,
-    centroids: Picture,
+    labels: BytePixels,
+    centroids: BytePixels,
 }
 
 impl Harmonics {
@@ -235,12 +235,12 @@ fn is_lossy(webp: &[u8]) -> bool {
 }
 
 /// Pixels of 8 bits, row by row.
-struct Picture {
+struct BytePixels {
     channels: usize,
     values: Vec<u8>,
 }
 
-impl Picture {
+impl BytePixels {
     /// Red, green, blue, alpha.
     fn pixel(&self, index: usize) -> [u8; 4] {
         let pixel = &self.values[index * self.channels..];
@@ -283,7 +283,7 @@ impl<'a> Archive<'a> {
     }
 
     /// A picture with a pixel for each Gaussian.
-    fn of_gaussians(&mut self, name: &str, count: usize) -> Result<Picture, ParseError> {
+    fn of_gaussians(&mut self, name: &str, count: usize) -> Result<BytePixels, ParseError> {
         let most = 2 * count + SPARE_PIXELS;
         self.picture(name, most, |[width, height]| {
             let wanted = || format!("at least {count} and at most {most} pixels for {count} Gaussians");
@@ -297,7 +297,7 @@ impl<'a> Archive<'a> {
         name: &str,
         most: usize,
         check: impl Fn([usize; 2]) -> Result<(), String>,
-    ) -> Result<Picture, ParseError> {
+    ) -> Result<BytePixels, ParseError> {
         let shown = quote(name.as_bytes());
         if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', ':', '\0']) {
             return Err(ParseError::byte(0, format!("a file name {shown} in meta.json"), "a plain name"));
@@ -321,6 +321,6 @@ impl<'a> Archive<'a> {
         let channels = usize::from(decoder.color_type().channel_count());
         let mut values = vec![0; size[0] * size[1] * channels];
         decoder.read_image(&mut values).map_err(damaged)?;
-        Ok(Picture { channels, values })
+        Ok(BytePixels { channels, values })
     }
 }

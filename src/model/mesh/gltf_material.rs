@@ -21,7 +21,7 @@ pub(super) struct Materials<'a> {
     /// texture can be drawn.
     known: HashMap<(Option<usize>, bool), u32>,
     /// Index in the mesh, by what the image is and what lies beyond its edge.
-    textures: HashMap<(Source<'a>, [Wrap; 2]), Option<u32>>,
+    textures: HashMap<(ImageSource<'a>, [Wrap; 2]), Option<u32>>,
     /// Features that are not drawn, and how many materials have them.
     ignored: BTreeMap<String, usize>,
     notes: Vec<String>,
@@ -30,7 +30,7 @@ pub(super) struct Materials<'a> {
 
 /// Where an image is.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Source<'a> {
+enum ImageSource<'a> {
     View(usize),
     Uri(&'a str),
 }
@@ -196,8 +196,8 @@ impl<'a> Materials<'a> {
             }
         };
         let place = match image {
-            Image { buffer_view: Some(view), .. } => Source::View(*view),
-            Image { uri: Some(uri), .. } => Source::Uri(uri),
+            Image { buffer_view: Some(view), .. } => ImageSource::View(*view),
+            Image { uri: Some(uri), .. } => ImageSource::Uri(uri),
             Image { .. } => return Err(wrong(format!("image {source} without data"), "a buffer view or a URI")),
         };
         if let Some(&known) = self.textures.get(&(place, wrap)) {
@@ -218,11 +218,11 @@ impl<'a> Materials<'a> {
         Ok(found)
     }
 
-    fn decode(&mut self, place: Source<'_>, wrap: [Wrap; 2]) -> Result<Texture, Lost> {
+    fn decode(&mut self, place: ImageSource<'_>, wrap: [Wrap; 2]) -> Result<Texture, Lost> {
         let read;
         let bytes = match place {
-            Source::View(view) => self.file.view(view).map_err(Lost::Error)?,
-            Source::Uri(uri) => {
+            ImageSource::View(view) => self.file.view(view).map_err(Lost::Error)?,
+            ImageSource::Uri(uri) => {
                 read = if let Some(data) = inline(uri) {
                     // Its text is a part of the file, which counted already.
                     data.map_err(|found| Lost::Error(wrong(found, "base64 after a comma")))?

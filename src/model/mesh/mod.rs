@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::error::ParseError;
-use super::format::Format;
+use super::format::ModelFormat;
 use crate::gltf::Nodes;
 
 /// A triangle mesh.
@@ -167,10 +167,10 @@ pub(crate) const NOT_PLAYED: &str = "animations, which an `<animation node>` pla
 ///
 /// # Errors
 /// The bytes are no valid file of this format, or `node` means no mesh, or several.
-pub fn read(bytes: &[u8], format: Format, path: &Path, node: Option<&str>) -> Result<Option<Mesh>, ParseError> {
+pub fn read(bytes: &[u8], format: ModelFormat, path: &Path, node: Option<&str>) -> Result<Option<Mesh>, ParseError> {
     match format {
-        Format::Glb | Format::Gltf => Ok(gltf::read(bytes, path, node)?),
-        Format::Obj => obj::read(bytes, path),
+        ModelFormat::Glb | ModelFormat::Gltf => Ok(gltf::read(bytes, path, node)?),
+        ModelFormat::Obj => obj::read(bytes, path),
         _ => Ok(None),
     }
 }

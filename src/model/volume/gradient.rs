@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::samples::Samples;
 use crate::model::neighbours::{Distinct, Neighbours};
-use crate::model::options::Progress;
+use crate::model::options::LoadProgress;
 
 /// Neighbours that a gradient is fitted to: about two shells of a cubic lattice.
 const NEAREST: usize = 16;
@@ -17,7 +17,7 @@ const DAMPING: f64 = 1e-9;
 /// Gradients of the densities, per model unit: the plane through a sample that fits its nearest neighbours best, by
 /// least squares with the weights 1/distance^2. Samples in one place count as one, with their mean. 0 where nothing is
 /// known.
-pub(super) fn of_samples(samples: &Samples, progress: Progress<'_>) -> Vec<DVec3> {
+pub(super) fn of_samples(samples: &Samples, progress: LoadProgress<'_>) -> Vec<DVec3> {
     // Neighbours are sought around the middle, where single precision is finest.
     let middle = samples.position.iter().fold(DVec3::ZERO, |sum, p| sum + *p / samples.position.len() as f64);
     let near: Vec<Vec3> = samples.position.iter().map(|p| (*p - middle).as_vec3()).collect();

@@ -12,7 +12,7 @@ use super::transfer::TransferFunction;
 use super::{VolumeFacts, VolumeOptions, gradient};
 use crate::model::capture::{Gaussians, Optics};
 use crate::model::error::ParseError;
-use crate::model::options::Progress;
+use crate::model::options::LoadProgress;
 
 /// Standard deviation of a kernel by default, in distances of neighbours.
 pub const KERNEL: f64 = 0.6;
@@ -44,7 +44,7 @@ pub(in crate::model) fn of_grid(
     options: &VolumeOptions,
     scale: f64,
     most: u64,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Result<Made, ParseError> {
     let mut notes = grid.notes.clone();
     let spacings = grid.spacings();
@@ -115,7 +115,7 @@ pub(in crate::model) fn of_samples(
     options: &VolumeOptions,
     scale: f64,
     most: u64,
-    progress: Progress<'_>,
+    progress: LoadProgress<'_>,
 ) -> Result<Made, ParseError> {
     let look = |i: usize| match options.transfer.as_deref() {
         Some(transfer) => transfer.at(samples.density[i].into()),

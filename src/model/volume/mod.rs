@@ -20,7 +20,7 @@ pub use kernels::KERNEL;
 pub(super) use kernels::{Made, of_grid, of_samples};
 pub(super) use nrrd::parse as parse_nrrd;
 pub use samples::Samples;
-pub use transfer::{Stop, TransferFunction, TransferFunctionError};
+pub use transfer::{TransferFunction, TransferFunctionError, TransferStop};
 
 /// Largest extinction, per scene unit: with the largest cell its product still fits an `f32`.
 pub const MOST_EXTINCTION: f64 = 1e9;

@@ -6,7 +6,7 @@ use super::MOST_EXTINCTION;
 
 /// A stop of a [`TransferFunction`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
+pub struct TransferStop {
     /// The value.
     pub value: f64,
     /// Colour there, linear Rec.709, >= 0.
@@ -15,7 +15,7 @@ pub struct Stop {
     pub opacity: f64,
 }
 
-impl Stop {
+impl TransferStop {
     /// Is nothing there?
     fn clear(&self) -> bool {
         self.opacity == 0.0
@@ -25,7 +25,7 @@ impl Stop {
 /// Colour and extinction as functions of a value: straight lines between stops, constant beyond the first and the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
-    stops: Vec<Stop>,
+    stops: Vec<TransferStop>,
 }
 
 /// Why stops make no transfer function.
@@ -60,7 +60,7 @@ impl TransferFunction {
     ///
     /// # Errors
     /// There is none, their values do not rise strictly, or a number is out of its range.
-    pub fn new(stops: Vec<Stop>) -> Result<Self, TransferFunctionError> {
+    pub fn new(stops: Vec<TransferStop>) -> Result<Self, TransferFunctionError> {
         if stops.is_empty() {
             return Err(TransferFunctionError::Empty);
         }
@@ -79,12 +79,12 @@ impl TransferFunction {
 
     /// White, with an extinction that rises from 0 at `from` to `most` at `to`.
     pub(super) fn ramp(from: f32, to: f32, most: f64) -> Self {
-        let stop = |value: f32, opacity| Stop { value: value.into(), colour: Vec3::ONE, opacity };
+        let stop = |value: f32, opacity| TransferStop { value: value.into(), colour: Vec3::ONE, opacity };
         Self { stops: vec![stop(from, 0.0), stop(to, most)] }
     }
 
     /// The stops, by rising value.
-    pub fn stops(&self) -> &[Stop] {
+    pub fn stops(&self) -> &[TransferStop] {
         &self.stops
     }
 
@@ -133,8 +133,8 @@ impl TransferFunction {
 mod tests {
     use super::*;
 
-    fn stop(value: f64, grey: f32, opacity: f64) -> Stop {
-        Stop { value, colour: Vec3::new(grey, 1.0, 0.0), opacity }
+    fn stop(value: f64, grey: f32, opacity: f64) -> TransferStop {
+        TransferStop { value, colour: Vec3::new(grey, 1.0, 0.0), opacity }
     }
 
     #[test]
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn values_off_the_stops() {
-        let off = |stops: Vec<Stop>, values: [f32; 2]| TransferFunction::new(stops).unwrap().off(values);
+        let off = |stops: Vec<TransferStop>, values: [f32; 2]| TransferFunction::new(stops).unwrap().off(values);
         let ramp = |from: f64, to: f64| vec![stop(from, 1.0, 0.0), stop(to, 1.0, 8.0)];
         for (stops, values) in [
             // Made for other units.
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn stops_that_make_no_function() {
-        let refused = |stops: Vec<Stop>| TransferFunction::new(stops).unwrap_err();
+        let refused = |stops: Vec<TransferStop>| TransferFunction::new(stops).unwrap_err();
         assert_eq!(refused(vec![]), TransferFunctionError::Empty);
         let order = TransferFunctionError::Order { index: 1, value: 2.0, before: 2.0 };
         assert_eq!(refused(vec![stop(2.0, 0.0, 0.0), stop(2.0, 0.0, 0.0)]), order);

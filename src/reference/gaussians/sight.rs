@@ -9,7 +9,7 @@
 
 use glam::DVec3;
 
-use super::tree::Kernel;
+use super::tree::GaussianKernel;
 use crate::math::simd::dispatch;
 
 /// Most Gaussians that are looked at together.
@@ -17,21 +17,21 @@ pub(super) const BATCH: usize = 128;
 
 /// Gaussians of one object, value by value.
 #[derive(Clone, Debug)]
-pub(super) struct Batch {
+pub(super) struct GaussianBatch {
     centre: [[f64; BATCH]; 3],
     covariance: [[f64; BATCH]; 6],
     pub count: usize,
 }
 
-impl Default for Batch {
+impl Default for GaussianBatch {
     fn default() -> Self {
         Self { centre: [[0.0; BATCH]; 3], covariance: [[0.0; BATCH]; 6], count: 0 }
     }
 }
 
-impl Batch {
+impl GaussianBatch {
     /// Adds one; there must be room.
-    pub(super) fn push(&mut self, kernel: &Kernel) {
+    pub(super) fn push(&mut self, kernel: &GaussianKernel) {
         for (values, value) in self.centre.iter_mut().zip(kernel.centre.to_array()) {
             values[self.count] = f64::from(value);
         }
@@ -75,11 +75,11 @@ impl Default for Seen {
 
 dispatch! {
     /// Looks at all Gaussians of a batch.
-    pub(super) fn look(batch: &Batch, sight: &Sight, out: &mut Seen) = look_body
+    pub(super) fn look(batch: &GaussianBatch, sight: &Sight, out: &mut Seen) = look_body
 }
 
 #[inline(always)]
-fn look_body(batch: &Batch, sight: &Sight, out: &mut Seen) {
+fn look_body(batch: &GaussianBatch, sight: &Sight, out: &mut Seen) {
     let Sight { rows: [right, down, forward], offset, tangent, bounds, dilation } = *sight;
     for i in 0..batch.count.min(BATCH) {
         let [cx, cy, cz] = [batch.centre[0][i], batch.centre[1][i], batch.centre[2][i]];

@@ -28,7 +28,7 @@ pub(in crate::reference) trait Placed: Copy + Send + Sync {
 
 /// A Gaussian that can be seen.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::reference) struct Kernel {
+pub(in crate::reference) struct GaussianKernel {
     pub centre: Vec3,
     /// Number in the drawing.
     pub index: u32,
@@ -131,7 +131,7 @@ impl<K: Placed> Tree<K> {
     }
 }
 
-impl Placed for Kernel {
+impl Placed for GaussianKernel {
     fn centre(&self) -> Vec3 {
         self.centre
     }
@@ -141,7 +141,7 @@ impl Placed for Kernel {
     }
 }
 
-impl Kernel {
+impl GaussianKernel {
     /// Gaussian `index` of a capture; `None` where it is too faint, or not finite.
     pub(in crate::reference) fn of(gaussians: &Gaussians, drawing: &Drawing, index: u32) -> Option<Self> {
         let i = index as usize;

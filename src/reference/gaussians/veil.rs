@@ -12,12 +12,12 @@ use glam::{DMat4, DVec3};
 use super::beam::{Beam, BeamRay};
 use super::colour::colour;
 use super::place::ModelPlace;
-use super::sight::{BATCH, Batch, Seen as SeenBatch, Sight, look};
+use super::sight::{BATCH, GaussianBatch, Seen as SeenBatch, Sight, look};
 use super::tree::LEAST_ALPHA;
 use crate::film::Aov;
 use crate::math::norm;
 use crate::reference::composite::{Composite, OPAQUE};
-use crate::reference::layers::{Layer, Surfaces};
+use crate::reference::layers::{RayLayer, Surfaces};
 use crate::reference::posed::{CameraPose, World};
 use crate::reference::trace::{SamplePoint, Seen};
 use crate::reference::volumes::march::March;
@@ -62,7 +62,7 @@ pub(in crate::reference) struct Veil<'w, 'a> {
     views: Vec<Option<CaptureView>>,
     list: Vec<Candidate>,
     stack: Vec<(u32, u32)>,
-    batch: Batch,
+    batch: GaussianBatch,
     seen: SeenBatch,
     /// Volumes; `None` where there are none.
     march: Option<March<'w, 'a>>,
@@ -120,7 +120,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             views: Vec::new(),
             list: Vec::new(),
             stack: Vec::new(),
-            batch: Batch::default(),
+            batch: GaussianBatch::default(),
             seen: SeenBatch::default(),
             march: (!world.volumes.is_empty()).then(|| March::new(world)),
             taken: None,
@@ -240,7 +240,7 @@ impl<'w, 'a> Veil<'w, 'a> {
     /// Composites the waiting hits and the `layers` of a ray that are nearer than `next`, where all that is still to
     /// come begins. A Gaussian at the limit of a layer is before it. Where there is a volume this waits for the `last`
     /// call.
-    fn settle(&mut self, number: usize, next: f64, layers: &[Layer], last: bool) {
+    fn settle(&mut self, number: usize, next: f64, layers: &[RayLayer], last: bool) {
         if !self.rays[number].live && !last {
             return;
         }
@@ -266,7 +266,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             if let Some(hit) = hit {
                 self.add(number, hit);
                 done += 1;
-            } else if let Some(Layer { seen, opacity, .. }) = layer {
+            } else if let Some(RayLayer { seen, opacity, .. }) = layer {
                 let colour = self.world.blend.of_light(seen.colour);
                 self.rays[number].sum.add(*opacity, &Seen { colour, ..*seen });
                 self.rays[number].layers += 1;

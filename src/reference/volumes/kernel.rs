@@ -11,7 +11,7 @@ pub(super) const REACH: f64 = 6.0;
 
 /// A kernel that can be seen.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::reference) struct Kernel {
+pub(in crate::reference) struct VolumeKernel {
     pub centre: Vec3,
     /// Number in the volume.
     pub index: u32,
@@ -27,7 +27,7 @@ pub(in crate::reference) struct Kernel {
     pub radius: f64,
 }
 
-impl Placed for Kernel {
+impl Placed for VolumeKernel {
     fn centre(&self) -> Vec3 {
         self.centre
     }
@@ -37,7 +37,7 @@ impl Placed for Kernel {
     }
 }
 
-impl Kernel {
+impl VolumeKernel {
     /// Kernel `index` of a volume. `None` where it has no mass, where it is a line or a point, which no ray meets, or
     /// where it is not finite.
     pub(in crate::reference) fn of(gaussians: &Gaussians, drawing: &Drawing, index: u32) -> Option<Self> {

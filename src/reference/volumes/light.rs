@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3};
 
-use super::kernel::Kernel;
+use super::kernel::VolumeKernel;
 use crate::math::srgb;
 use crate::reference::gaussians::colour::colour;
 use crate::reference::gaussians::place::ModelPlace;
@@ -38,7 +38,7 @@ impl Lights {
         &mut self,
         world: &World<'_>,
         volume: &Volume<'_>,
-        kernel: &Kernel,
+        kernel: &VolumeKernel,
         view: &VolumeView,
     ) -> DVec3 {
         let (body, gaussians, index) = (&world.bodies[volume.body], volume.gaussians, kernel.index as usize);

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::kernel::Kernel;
+use super::kernel::VolumeKernel;
 use crate::math::simd::dispatch;
 
 /// Most kernels that are looked at together.
@@ -15,7 +15,7 @@ pub(super) const BATCH: usize = 128;
 
 /// Kernels of one volume, value by value.
 #[derive(Clone, Debug)]
-pub(super) struct Batch {
+pub(super) struct KernelBatch {
     centre: [[f64; BATCH]; 3],
     covariance: [[f64; BATCH]; 6],
     adjugate: [[f64; BATCH]; 6],
@@ -31,7 +31,7 @@ pub(super) struct Batch {
     pub volume: usize,
 }
 
-impl Default for Batch {
+impl Default for KernelBatch {
     fn default() -> Self {
         Self {
             centre: [[0.0; BATCH]; 3],
@@ -48,9 +48,9 @@ impl Default for Batch {
     }
 }
 
-impl Batch {
+impl KernelBatch {
     /// Adds one; there must be room.
-    pub(super) fn push(&mut self, kernel: &Kernel, place: u32) {
+    pub(super) fn push(&mut self, kernel: &VolumeKernel, place: u32) {
         let i = self.count;
         for (values, value) in self.centre.iter_mut().zip(kernel.centre.to_array()) {
             values[i] = f64::from(value);
@@ -86,11 +86,11 @@ impl Default for Along {
 
 dispatch! {
     /// Looks at all kernels of a batch from `eye` along `d`, in the model.
-    pub(super) fn look(batch: &Batch, eye: DVec3, d: DVec3, out: &mut Along) = look_body
+    pub(super) fn look(batch: &KernelBatch, eye: DVec3, d: DVec3, out: &mut Along) = look_body
 }
 
 #[inline(always)]
-fn look_body(batch: &Batch, eye: DVec3, d: DVec3, out: &mut Along) {
+fn look_body(batch: &KernelBatch, eye: DVec3, d: DVec3, out: &mut Along) {
     let form = |m: &[[f64; BATCH]; 6], i: usize, u: [f64; 3], v: [f64; 3]| {
         let [x, y, z] = [
             m[0][i] * v[0] + m[1][i] * v[1] + m[2][i] * v[2],

@@ -10,7 +10,7 @@ use super::block::{Block, Line, PANELS};
 use super::buckets::Buckets;
 use super::kernel::REACH;
 use super::light::{Lights, VolumeView};
-use super::line::{Along, BATCH, Batch, look};
+use super::line::{Along, BATCH, KernelBatch, look};
 use crate::film::Aov;
 use crate::reference::composite::Composite;
 use crate::reference::gaussians::beam::{Beam, BeamRay};
@@ -46,7 +46,7 @@ pub(in crate::reference) struct March<'w, 'a> {
     /// For each ray its view of each volume; `None` where the object is hidden.
     views: Vec<Option<VolumeView>>,
     /// Kernels that any ray may meet, of volume after volume; how many batches have some.
-    batches: Vec<Batch>,
+    batches: Vec<KernelBatch>,
     used: usize,
     stack: Vec<(u32, u32)>,
     along: Along,
@@ -158,7 +158,7 @@ impl<'w, 'a> March<'w, 'a> {
                 }
                 if room == 0 {
                     if batches.len() == *used {
-                        batches.push(Batch::default());
+                        batches.push(KernelBatch::default());
                     }
                     let batch = &mut batches[*used];
                     (batch.count, batch.volume, batch.colour) = (0, number, None);

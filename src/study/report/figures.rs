@@ -68,7 +68,7 @@ pub struct ModeStudy {
     /// Samples of a pixel.
     pub samples: u64,
     /// Wall times of rendering a frame.
-    pub times: Times,
+    pub times: WallTimes,
     /// The errors.
     pub errors: Comparison,
     /// Share of values that pass the z-test.
@@ -79,7 +79,7 @@ pub struct ModeStudy {
 
 /// Wall times, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Times {
+pub struct WallTimes {
     /// The median.
     pub median: f64,
     /// The shortest.
@@ -88,7 +88,7 @@ pub struct Times {
     pub most: f64,
 }
 
-impl Times {
+impl WallTimes {
     /// The times of these renderings; 0 where there are none.
     pub fn of(seconds: &[f64]) -> Self {
         let mut sorted = seconds.to_vec();
@@ -119,7 +119,7 @@ impl ModeStudy {
         let errors: Vec<_> = frames.iter().map(|f| f.errors.clone()).collect();
         let regions = Region::ALL.into_iter().filter_map(|region| pooled_region(region, frames)).collect();
         Some(Self {
-            times: Times::mean(&frames.iter().map(|f| f.times).collect::<Vec<_>>()),
+            times: WallTimes::mean(&frames.iter().map(|f| f.times).collect::<Vec<_>>()),
             errors: Comparison::pooled(&errors).ok()?,
             z_pass: frames.iter().map(|f| f.z_pass).sum::<f64>() / n,
             regions,
@@ -235,7 +235,7 @@ pub fn csv(study: &Study) -> String {
     out.push('\n');
     let rows = study.frames.iter().flat_map(|f| f.modes.iter().map(move |m| (f.frame.to_string(), m, f.floor)));
     for (frame, m, floor) in rows.chain(study.sequence.iter().map(|m| ("all".to_owned(), m, study.floor()))) {
-        let Times { median, least, most } = m.times;
+        let WallTimes { median, least, most } = m.times;
         // Modes have neither commas nor quotes.
         let _ = write!(out, "{frame},{},{},{},{median},{least},{most}", m.mode, m.backend, m.samples);
         for metric in Metric::ALL {

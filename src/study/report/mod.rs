@@ -10,7 +10,7 @@ mod regions;
 mod text;
 mod ztest;
 
-pub use self::figures::{FrameStudy, ModeStudy, SceneStudy, Study, Times, csv};
+pub use self::figures::{FrameStudy, ModeStudy, SceneStudy, Study, WallTimes, csv};
 pub use self::floor::Floor;
 pub use self::maps::{flip_map, flip_scale, region_map, signed_error};
 pub use self::pictures::{FramePictures, ModePictures};

@@ -121,9 +121,9 @@ fn noise_makes_a_floor() {
 
 #[test]
 fn times_have_a_median() {
-    assert_eq!(Times::of(&[3.0, 1.0, 2.0]), Times { median: 2.0, least: 1.0, most: 3.0 });
-    assert_eq!(Times::of(&[4.0, 1.0]).median, 2.5);
-    assert_eq!(Times::of(&[]), Times::default());
+    assert_eq!(WallTimes::of(&[3.0, 1.0, 2.0]), WallTimes { median: 2.0, least: 1.0, most: 3.0 });
+    assert_eq!(WallTimes::of(&[4.0, 1.0]).median, 2.5);
+    assert_eq!(WallTimes::of(&[]), WallTimes::default());
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn study(frames: usize) -> Study {
             family: name.split(':').next().unwrap_or_default().to_owned(),
             backend: "cpu".into(),
             samples: 8,
-            times: Times::of(&[seconds, 2.0 * seconds, 3.0 * seconds]),
+            times: WallTimes::of(&[seconds, 2.0 * seconds, 3.0 * seconds]),
             errors: Comparison::new(&picture, &reference, &Metric::ALL).unwrap(),
             z_pass: pass_rate(&picture, &reference).unwrap(),
             regions: split(&picture, &reference, &[0.25; 144], &[Region::Swept; 144]),

@@ -5,7 +5,7 @@ use std::thread;
 
 use super::super::save::Finished;
 use super::super::shared::Shared;
-use super::super::stage::{Done, Outcome};
+use super::super::stage::{Outcome, StagesDone};
 use super::super::view::{Other, PageLook, PageView};
 use super::page::{Errors, Page};
 use crate::compare::{Comparison, Metric};
@@ -20,7 +20,7 @@ pub(super) struct Sides {
     pub(super) look: Option<PageLook>,
     quality: Option<Quality>,
     other: Option<Other>,
-    pub(super) done: Done,
+    pub(super) done: StagesDone,
     pub(super) first: Option<Finished>,
     second: Option<Arc<Picture>>,
     /// Sums of the reference.
@@ -35,7 +35,7 @@ impl Sides {
     /// Keeps of what was made only what is part of `view`.
     pub(super) fn keep(&mut self, view: &PageView) {
         if self.look.as_ref() != Some(&view.look) {
-            self.done = Done::default();
+            self.done = StagesDone::default();
             self.first = None;
             self.forget_second();
             self.look = Some(view.look.clone());

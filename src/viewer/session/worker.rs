@@ -8,7 +8,7 @@ use super::super::message::{Header, SavedKind, Sent, Told};
 use super::super::pace::{Level, Pace};
 use super::super::save::{Finished, save};
 use super::super::shared::{Known, Shared};
-use super::super::stage::{Done, Outcome, Task, next};
+use super::super::stage::{Outcome, StagesDone, Task, next};
 use super::super::view::{Other, PageView};
 use super::filming::Filming;
 use super::page::{Errors, Held, Page, Wish};
@@ -256,7 +256,9 @@ impl<'a> Worker<'a> {
             Err(Ended::Failed(why)) => {
                 let done = &mut self.sides.done;
                 match task {
-                    Task::Quick | Task::Whole => *done = Done { quick: Some(true), first: Outcome::Failed, ..*done },
+                    Task::Quick | Task::Whole => {
+                        *done = StagesDone { quick: Some(true), first: Outcome::Failed, ..*done }
+                    }
                     Task::First => done.first = Outcome::Failed,
                     Task::Second => done.second = Outcome::Failed,
                     Task::Compare => done.compared = true,

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use glam::{Quat, Vec3};
-use splatblur::model::{Format, Gaussians, parse_capture};
+use splatblur::model::{Gaussians, ModelFormat, parse_capture};
 
 use super::support::{ENCODINGS, Encoding, Ply, cloud, refused};
 
@@ -56,7 +56,7 @@ fn identity() -> f64 {
 }
 
 fn capture(bytes: &[u8]) -> Gaussians {
-    parse_capture(bytes, Format::Ply).unwrap().unwrap()
+    parse_capture(bytes, ModelFormat::Ply).unwrap().unwrap()
 }
 
 fn file(columns: usize, rows: &[Vec<f64>]) -> Ply {
@@ -162,7 +162,7 @@ fn chunks_have_256_gaussians_each() {
     let c = capture(&ply(&both, 257).bytes());
     assert_eq!(c.position[255], Vec3::new(1.0, 4.0, 10.0));
     assert_eq!(c.position[256], Vec3::new(101.0, 104.0, 110.0));
-    let e = refused(&ply(&both[..1], 257).bytes(), Format::Ply).to_string();
+    let e = refused(&ply(&both[..1], 257).bytes(), ModelFormat::Ply).to_string();
     assert_eq!(e, "line 3: found 1 chunks for 257 Gaussians, expected 2: one for 256 Gaussians each");
     let c = capture(&ply(&both, 256).bytes());
     assert_eq!(c.notes, ["1 chunks without Gaussians ignored"]);
@@ -209,7 +209,7 @@ fn what_cannot_be_drawn_is_dropped_and_counted() {
     let c = capture(&ply.bytes());
     assert_eq!((c.len(), c.dropped), (1, 1));
     // As a model, it says so.
-    let notes = cloud(&ply.bytes(), Format::Ply).notes;
+    let notes = cloud(&ply.bytes(), ModelFormat::Ply).notes;
     assert!(notes[0].contains("1 of 2 kept"), "{notes:?}");
     chunk[0] = f64::NAN;
     let ply =
@@ -229,7 +229,7 @@ fn every_truncation_is_refused() {
         let bytes = ply.bytes();
         assert_eq!(capture(&bytes).len(), 2);
         for length in 0..bytes.len() {
-            refused(&bytes[..length], Format::Ply);
+            refused(&bytes[..length], ModelFormat::Ply);
         }
         let notes = capture(&[&bytes[..], b"xyz"].concat()).notes;
         assert_eq!(notes, ["3 bytes after the last element ignored"]);
@@ -275,7 +275,7 @@ fn headers_that_are_refused() {
         (after(&format!("1\n{}", sh_lines("uchar"))), "found 1 of element `sh`, expected 2, as many as of `vertex`"),
         (after(&format!("2\n{}", sh_lines("char"))), "found f_rest_0 of type char"),
     ] {
-        let e = refused(file.as_bytes(), Format::Ply).to_string();
+        let e = refused(file.as_bytes(), ModelFormat::Ply).to_string();
         assert!(e.contains(expected), "{e}\n  expected {expected}");
     }
 }
@@ -304,7 +304,7 @@ fn absurd_counts_are_refused_at_once() {
                 sh_lines("uchar"),
                 "1 ".repeat(64)
             );
-            let e = refused(text.as_bytes(), Format::Ply).to_string();
+            let e = refused(text.as_bytes(), ModelFormat::Ply).to_string();
             assert!(e.contains("is the file cut short?"), "{e}");
         }
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{Quat, Vec3};
 use serde_json::{Value, json};
-use splatblur::model::{ColourStorage, Format, Gaussians, parse_capture};
+use splatblur::model::{ColourStorage, Gaussians, ModelFormat, parse_capture};
 
 use super::support::{cloud, refused};
 
@@ -91,7 +91,7 @@ impl Glb {
     }
 
     fn read(&self) -> Gaussians {
-        parse_capture(&self.bytes(), Format::Glb).unwrap().unwrap()
+        parse_capture(&self.bytes(), ModelFormat::Glb).unwrap().unwrap()
     }
 
     fn says(&self, part: &str) {
@@ -114,7 +114,7 @@ fn pack(mut text: Vec<u8>, data: &[u8]) -> Vec<u8> {
 }
 
 fn says(bytes: &[u8], part: &str) {
-    let e = refused(bytes, Format::Glb).to_string();
+    let e = refused(bytes, ModelFormat::Glb).to_string();
     assert!(e.contains(part), "{e}\n  expected {part}");
 }
 
@@ -214,10 +214,10 @@ fn one_negative_scale_means_logarithms() {
 fn colour_spaces() {
     let linear = Glb::pair().with(|glb| glb.extension()["colorSpace"] = json!("lin_rec709_display"));
     assert!(linear.read().linear);
-    let drawn = cloud(&linear.bytes(), Format::Glb);
+    let drawn = cloud(&linear.bytes(), ModelFormat::Glb);
     assert_eq!(drawn.colour_storage, ColourStorage::Float);
     assert!(drawn.notes.iter().any(|note| note.contains("colours taken as linear light")), "{:?}", drawn.notes);
-    let drawn = cloud(&Glb::pair().bytes(), Format::Glb);
+    let drawn = cloud(&Glb::pair().bytes(), ModelFormat::Glb);
     assert_eq!(drawn.colour_storage, ColourStorage::Integer);
     assert!(drawn.notes.iter().any(|note| note.contains("colours taken as sRGB")), "{:?}", drawn.notes);
 
@@ -380,13 +380,13 @@ fn many_places_are_limited() {
 fn cut_short_at_every_byte_and_damaged() {
     let bytes = with_harmonics(1).bytes();
     for length in 0..bytes.len() {
-        refused(&bytes[..length], Format::Glb);
+        refused(&bytes[..length], ModelFormat::Glb);
     }
     for at in 0..bytes.len() {
         for value in [0, b'9', 0xff] {
             let mut damaged = bytes.clone();
             damaged[at] = value;
-            let _ = parse_capture(&damaged, Format::Glb);
+            let _ = parse_capture(&damaged, ModelFormat::Glb);
         }
     }
 }
@@ -396,5 +396,5 @@ fn values_that_cannot_be_drawn_are_dropped() {
     let glb = Glb::pair().with(|glb| glb.floats("OPACITY", "SCALAR", &[f32::NAN, 0.5]));
     let g = glb.read();
     assert_eq!((g.len(), g.dropped), (1, 1));
-    assert_eq!(Format::detect(&glb.bytes(), Path::new("a.dat")), Some(Format::Glb));
+    assert_eq!(ModelFormat::detect(&glb.bytes(), Path::new("a.dat")), Some(ModelFormat::Glb));
 }

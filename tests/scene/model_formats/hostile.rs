@@ -1,28 +1,28 @@
 //! Files that lie, are cut short, or are noise: one clear error, no panic, no memory for what is not there.
 
 use proptest::prelude::*;
-use splatblur::model::{Format, Parsed, parse};
+use splatblur::model::{ModelFormat, Parsed, parse};
 
 use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [Format; 11] = [
-    Format::Ply,
-    Format::Sfl,
-    Format::Obj,
-    Format::Bin,
-    Format::Xyz,
-    Format::Pts,
-    Format::Splat,
-    Format::Sog,
-    Format::Spz,
-    Format::Glb,
-    Format::Nrrd,
+const FORMATS: [ModelFormat; 11] = [
+    ModelFormat::Ply,
+    ModelFormat::Sfl,
+    ModelFormat::Obj,
+    ModelFormat::Bin,
+    ModelFormat::Xyz,
+    ModelFormat::Pts,
+    ModelFormat::Splat,
+    ModelFormat::Sog,
+    ModelFormat::Spz,
+    ModelFormat::Glb,
+    ModelFormat::Nrrd,
 ];
 
 /// Small valid files of every format.
-fn seeds() -> Vec<(Format, Vec<u8>)> {
+fn seeds() -> Vec<(ModelFormat, Vec<u8>)> {
     let properties =
         [("float", "x"), ("double", "y"), ("short", "z"), ("uchar", "red"), ("uchar", "green"), ("uchar", "blue")];
     let rows = [vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], vec![7.0; 6], vec![0.0, 9.0, 8.0, 1.0, 2.0, 3.0]];
@@ -36,7 +36,7 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
                 "int",
                 &[vec![0.0, 1.0, 2.0]],
             );
-            (Format::Ply, ply.bytes())
+            (ModelFormat::Ply, ply.bytes())
         })
         .collect();
     let splat = [
@@ -45,24 +45,24 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
     ];
     let splat = splat.map(|n| ("float", n));
     files.push((
-        Format::Ply,
+        ModelFormat::Ply,
         Ply::new(Encoding::Little).element("vertex", &splat, &[vec![1.0; 14], vec![0.5; 14]]).bytes(),
     ));
-    files.push((Format::Ply, super::compressed_ply::seed()));
+    files.push((ModelFormat::Ply, super::compressed_ply::seed()));
     #[cfg(feature = "formats")]
-    files.push((Format::Sog, super::sog::seed()));
-    files.push((Format::Sfl, read("tiny_full.sfl")));
+    files.push((ModelFormat::Sog, super::sog::seed()));
+    files.push((ModelFormat::Sfl, read("tiny_full.sfl")));
     let record = be(&[1.0, 2.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
     let [set, resolution] = sfl_set(1 << 24, &[(0, 0), (24, 12)], 36, &record, &[]);
-    files.push((Format::Sfl, sfl_file(&[vec![], set, resolution])));
+    files.push((ModelFormat::Sfl, sfl_file(&[vec![], set, resolution])));
     let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 1\nf 1/1/1 2//1 -1\n";
-    files.push((Format::Obj, obj.as_bytes().to_vec()));
-    files.push((Format::Bin, encode(&sample(3, true))));
-    files.push((Format::Bin, encode_first_version(&sample(3, true))));
-    files.push((Format::Xyz, b"# x y z, normal, colour\n1 2 3 0 0 1 255 0 0\n4 5 6 0 1 0 0 9 0\n".to_vec()));
+    files.push((ModelFormat::Obj, obj.as_bytes().to_vec()));
+    files.push((ModelFormat::Bin, encode(&sample(3, true))));
+    files.push((ModelFormat::Bin, encode_first_version(&sample(3, true))));
+    files.push((ModelFormat::Xyz, b"# x y z, normal, colour\n1 2 3 0 0 1 255 0 0\n4 5 6 0 1 0 0 9 0\n".to_vec()));
     let nrrd = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nspacings: 1 2 3\nencoding: raw\n\n01234567";
-    files.push((Format::Nrrd, nrrd.as_bytes().to_vec()));
-    files.push((Format::Pts, b"2\n1 2 3 -20 255 0 0\n4 5 6 30 1 2 3\n".to_vec()));
+    files.push((ModelFormat::Nrrd, nrrd.as_bytes().to_vec()));
+    files.push((ModelFormat::Pts, b"2\n1 2 3 -20 255 0 0\n4 5 6 30 1 2 3\n".to_vec()));
     files
 }
 
@@ -74,13 +74,13 @@ fn cut_short_at_every_byte() {
         let whole = bytes.trim_ascii_end().len() - usize::from(bytes.starts_with(b"ply\nformat ascii")) * 2;
         for length in 0..bytes.len() {
             let read = parse(&bytes[..length], format);
-            if !matches!(format, Format::Obj | Format::Xyz) && length < whole {
+            if !matches!(format, ModelFormat::Obj | ModelFormat::Xyz) && length < whole {
                 // In .sfl only what is used must be there. The last number of a text may be shorter. The points of a
                 // text can be used without its faces.
                 let all_points = matches!(&read, Ok(Parsed::Cloud(cloud)) if cloud.position.len() == 3
                     && cloud.notes.iter().any(|note| note.starts_with("faces ignored")));
                 let faces = bytes.starts_with(b"ply\nformat ascii") && all_points;
-                let spare = format == Format::Sfl || faces || format == Format::Pts && length + 2 > whole;
+                let spare = format == ModelFormat::Sfl || faces || format == ModelFormat::Pts && length + 2 > whole;
                 assert!(read.is_err() || spare, "{format:?} cut to {length} of {} was accepted", bytes.len());
             }
         }
@@ -123,7 +123,7 @@ fn headers_that_are_refused() {
         (format!("ply\nformat ascii 1.0\ncomment {}", "x".repeat(4 << 20)), "line 3: found a header longer than 1 MiB"),
         (format!("ply\nformat ascii 1.0\n{}", "comment x\n".repeat(200_000)), "found a header longer than 1 MiB"),
     ] {
-        let e = refused(text.as_bytes(), Format::Ply).to_string();
+        let e = refused(text.as_bytes(), ModelFormat::Ply).to_string();
         assert!(e.contains(expected), "{e}\n  expected {expected}");
         assert!(e.len() < 400, "{e}");
     }
@@ -147,7 +147,9 @@ fn faces_that_are_ignored() {
         ("3 0 one 2\n", "line 13: found `one`, expected a number of type int"),
     ] {
         // The points of a text are used.
-        let Parsed::Cloud(cloud) = parse(format!("{head}{body}").as_bytes(), Format::Ply).unwrap() else { panic!() };
+        let Parsed::Cloud(cloud) = parse(format!("{head}{body}").as_bytes(), ModelFormat::Ply).unwrap() else {
+            panic!()
+        };
         assert_eq!((cloud.position.len(), cloud.normal.len()), (3, 0));
         let [note] = &cloud.notes[..] else { panic!("{:?}", cloud.notes) };
         assert!(note.starts_with("faces ignored, points used (line") && note.contains(expected), "{note}");
@@ -157,7 +159,7 @@ fn faces_that_are_ignored() {
         .element("vertex", &["x", "y", "z"].map(|n| ("float", n)), &[vec![0.0; 3], vec![1.0; 3]])
         .lists("face", "vertex_indices", "uchar", "int", &[vec![0.0, 1.0, 7.0]])
         .bytes();
-    assert!(refused(&bytes, Format::Ply).to_string().contains("found vertex index 7"));
+    assert!(refused(&bytes, ModelFormat::Ply).to_string().contains("found vertex index 7"));
 }
 
 #[test]
@@ -165,12 +167,12 @@ fn bodies_that_are_refused() {
     let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                 element face 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
     let text = format!("{}1 0 x\n", &head[..head.len() - 6]);
-    let e = refused(text.as_bytes(), Format::Ply).to_string();
+    let e = refused(text.as_bytes(), ModelFormat::Ply).to_string();
     assert!(e.starts_with("line 12: found `x`, expected a number of type float (`z` of vertex 2 of 3)"), "{e}");
     let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty uchar x\nproperty uchar y\nproperty char z\n\
                 end_header\n0 256 0\n";
     assert!(
-        refused(text.as_bytes(), Format::Ply)
+        refused(text.as_bytes(), ModelFormat::Ply)
             .to_string()
             .contains("line 8: found `256`, expected a number of type uchar")
     );
@@ -189,7 +191,7 @@ fn counts_beyond_the_file() {
                 let names = ["x", "y", "z"].map(|n| format!("property float {n}\n")).concat();
                 let text =
                     format!("ply\nformat {encoding} 1.0\n{first}element {element} {count}\n{names}end_header\n1 2 3\n");
-                let e = refused(text.as_bytes(), Format::Ply).to_string();
+                let e = refused(text.as_bytes(), ModelFormat::Ply).to_string();
                 assert!(e.contains(&format!("found {count} of element `{element}` (6 bytes are left)")), "{e}");
             }
         }
@@ -198,11 +200,11 @@ fn counts_beyond_the_file() {
     let text =
         b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty list uint double a\nproperty char x\n\
         property char y\nproperty char z\nend_header\n\xff\xff\xff\xff\0\0\0";
-    let e = refused(text, Format::Ply).to_string();
+    let e = refused(text, ModelFormat::Ply).to_string();
     assert!(e.contains("found a list of 4294967295 items, expected 0 to 0"), "{e}");
     let text = "ply\nformat ascii 1.0\nelement nothing 18446744073709551615\nelement vertex 1\nproperty char x\n\
                 property char y\nproperty char z\nend_header\n1 2 3";
-    assert!(parse(text.as_bytes(), Format::Ply).is_ok());
+    assert!(parse(text.as_bytes(), ModelFormat::Ply).is_ok());
 }
 
 /// Time must not grow with the square of the number of elements: that took 5 s here.
@@ -212,7 +214,7 @@ fn sixty_thousand_elements() {
     let mut header = "ply\nformat ascii 1.0\n".to_owned();
     (0..60_000).for_each(|i| writeln!(header, "element {i} 1").unwrap());
     let start = std::time::Instant::now();
-    let found = refused((header + "element 7 1\nend_header\n").as_bytes(), Format::Ply).to_string();
+    let found = refused((header + "element 7 1\nend_header\n").as_bytes(), ModelFormat::Ply).to_string();
     assert!(found.contains("a second element `7`"), "{found}");
     assert!(start.elapsed().as_secs_f64() < 1.0, "{:?}", start.elapsed());
 }
@@ -225,7 +227,7 @@ fn twenty_thousand_properties() {
     (0..20_000).for_each(|i| writeln!(text, "property char p{i}").unwrap());
     text += "end_header\n";
     text += &"1 ".repeat(20_003);
-    assert!(parse(text.as_bytes(), Format::Ply).is_ok());
+    assert!(parse(text.as_bytes(), ModelFormat::Ply).is_ok());
 }
 
 #[test]
@@ -234,7 +236,7 @@ fn sfl_directories_that_lie() {
     let message = |at: usize, with: &[u8]| {
         let mut bad = good.clone();
         bad[at..at + with.len()].copy_from_slice(with);
-        refused(&bad, Format::Sfl).to_string()
+        refused(&bad, ModelFormat::Sfl).to_string()
     };
     let has = |message: String, part: &str| assert!(message.contains(part), "{message}");
     // The root directory begins at 0x14; its link stands at 0x74, the link's value at 0x7c.
@@ -263,7 +265,7 @@ fn one_block_for_many_sets_does_not_multiply() {
     let mut directories = vec![vec![]];
     (0..40).for_each(|_| directories.extend([set.clone(), resolution.clone()]));
     let mut bytes = sfl_file(&directories);
-    assert!(parse(&bytes, Format::Sfl).is_ok());
+    assert!(parse(&bytes, ModelFormat::Sfl).is_ok());
     // Every set names the last one's block, made larger.
     let block = bytes.len() as u32 - 1200;
     let entries: Vec<usize> =
@@ -275,7 +277,7 @@ fn one_block_for_many_sets_does_not_multiply() {
         bytes[i + 4..i + 8].copy_from_slice(&18_000_u32.to_be_bytes());
         bytes[i + 8..i + 12].copy_from_slice(&(block - at).to_be_bytes());
     }
-    assert!(refused(&bytes, Format::Sfl).to_string().contains("shared with another set"));
+    assert!(refused(&bytes, ModelFormat::Sfl).to_string().contains("shared with another set"));
 }
 
 proptest! {
@@ -288,7 +290,7 @@ proptest! {
         // No flags, surfels or origin, a number of columns from the noise, and the noise as directory.
         let columns = &bytes[..bytes.len().min(1)];
         let second = [&b"\x89SPLAT\r\n\x02\0\0\0"[..], &[0; 40], columns, &[0; 11], &bytes].concat();
-        let _ = parse(&second, Format::Bin);
+        let _ = parse(&second, ModelFormat::Bin);
         let spz = b"NGSP\x04\0\0\0\x02\0\0\0\0\x0c\0\x05\x20\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
         let glb = b"glTF\x02\0\0\0\x14\0\0\0";
         let nrrd = b"NRRD0004\ntype: float\ndimension: 3\nendian: big\nencoding: gzip\nsizes: 1 2 ";
@@ -304,7 +306,7 @@ proptest! {
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..5_u8), 1..6),
     ) {
         use std::sync::OnceLock;
-        static SEEDS: OnceLock<Vec<(Format, Vec<u8>)>> = OnceLock::new();
+        static SEEDS: OnceLock<Vec<(ModelFormat, Vec<u8>)>> = OnceLock::new();
         let (format, mut bytes) = seed.get(SEEDS.get_or_init(seeds)).clone();
         for (place, value, how) in changes {
             let at = place.index(bytes.len());
@@ -316,7 +318,7 @@ proptest! {
                 _ => bytes[at..].iter_mut().take(4).for_each(|b| *b = 0xff),
             }
         }
-        if format == Format::Bin && bytes.len() > 64 {
+        if format == ModelFormat::Bin && bytes.len() > 64 {
             seal(&mut bytes);
         }
         let _ = parse(&bytes, format);

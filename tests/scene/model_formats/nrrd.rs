@@ -6,12 +6,12 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 use splatblur::model::generate_volume::{self, FieldShape, Storage};
-use splatblur::model::{Format, Grid, Parsed, parse};
+use splatblur::model::{Grid, ModelFormat, Parsed, parse};
 
 use super::support::refused;
 
 fn grid(bytes: &[u8]) -> Grid {
-    match parse(bytes, Format::Nrrd) {
+    match parse(bytes, ModelFormat::Nrrd) {
         Ok(Parsed::Grid(grid)) => grid,
         Ok(other) => panic!("no grid: {other:?}"),
         Err(error) => panic!("{error}\n{}", String::from_utf8_lossy(bytes.get(..300).unwrap_or(bytes))),
@@ -19,7 +19,7 @@ fn grid(bytes: &[u8]) -> Grid {
 }
 
 fn says(bytes: &[u8], part: &str) {
-    let e = refused(bytes, Format::Nrrd).to_string();
+    let e = refused(bytes, ModelFormat::Nrrd).to_string();
     assert!(e.contains(part) && e.len() < 400 && !e.contains('\n'), "{e}\n  expected {part}");
 }
 
@@ -139,7 +139,7 @@ proptest! {
             let at = at.min(file.len());
             file.splice(at..(at + cut).min(file.len()), insert);
         }
-        if let Ok(Parsed::Grid(read)) = parse(&file, Format::Nrrd) {
+        if let Ok(Parsed::Grid(read)) = parse(&file, ModelFormat::Nrrd) {
             prop_assert_eq!(read.values.len(), read.sizes.iter().product::<usize>());
             prop_assert!(read.values.iter().all(|value| value.is_finite()));
             prop_assert!(read.steps.is_finite() && read.origin.is_finite());
@@ -334,7 +334,7 @@ fn cut_short_at_every_byte() {
         // The last number of a text may be shorter.
         let spare = if encoding == "text" { 4 } else { 0 };
         for length in 0..whole.len() - spare {
-            let e = refused(&whole[..length], Format::Nrrd).to_string();
+            let e = refused(&whole[..length], ModelFormat::Nrrd).to_string();
             assert!(!e.contains('\n'), "{e}");
         }
     }
@@ -370,7 +370,7 @@ fn gzip_holds_what_the_sizes_say() {
     for at in 0..packed.len() {
         let mut damaged = packed.clone();
         damaged[at] ^= 0x55;
-        let _ = parse(&file("2 3 4", &damaged, ""), Format::Nrrd);
+        let _ = parse(&file("2 3 4", &damaged, ""), ModelFormat::Nrrd);
     }
 }
 
@@ -397,7 +397,7 @@ fn bombs_are_refused_at_once() {
 
 #[test]
 fn known_by_its_first_bytes() {
-    assert_eq!(Format::detect(&small(""), Path::new("a.dat")), Some(Format::Nrrd));
+    assert_eq!(ModelFormat::detect(&small(""), Path::new("a.dat")), Some(ModelFormat::Nrrd));
 }
 
 /// The generator writes what the guide says, and the reader finds it there.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use glam::{DVec3, Vec3};
-use splatblur::model::{ColourStorage, Format};
+use splatblur::model::{ColourStorage, ModelFormat};
 
 use super::support::{cloud, load_as, refused};
 
@@ -21,8 +21,10 @@ fn forms_of_faces() {
         "f 1 2 \\\n 3 4 # a comment",
         "g a b\ns off\nusemtl caf\u{e9}\nf 1 2 3 4",
     ] {
-        let c =
-            cloud(format!("# quad\nmtllib x.mtl\no name\n{QUAD}vt 0 0\nvn 1 0 0\n{face}\n").as_bytes(), Format::Obj);
+        let c = cloud(
+            format!("# quad\nmtllib x.mtl\no name\n{QUAD}vt 0 0\nvn 1 0 0\n{face}\n").as_bytes(),
+            ModelFormat::Obj,
+        );
         assert_eq!(c.normal, [Vec3::Z; 4], "{face}");
         assert!(c.colour.is_empty());
     }
@@ -30,7 +32,7 @@ fn forms_of_faces() {
 
 #[test]
 fn vertices_with_colours_and_weights() {
-    let c = cloud(b"v 1 2 3 1\r\nv 4 5 6 1 0.5 0\r\n\tv  7 8 9 1 0 0.5 1\r\n", Format::Obj);
+    let c = cloud(b"v 1 2 3 1\r\nv 4 5 6 1 0.5 0\r\n\tv  7 8 9 1 0 0.5 1\r\n", ModelFormat::Obj);
     assert_eq!(c.position, [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0), DVec3::new(7.0, 8.0, 9.0)]);
     assert_eq!(c.colour, [Vec3::ONE, Vec3::new(1.0, 0.5, 0.0), Vec3::new(0.0, 0.5, 1.0)]);
     assert_eq!(c.colour_storage, ColourStorage::Integer);
@@ -39,15 +41,15 @@ fn vertices_with_colours_and_weights() {
 
 #[test]
 fn normals_of_a_point_cloud_are_used() {
-    let c = cloud(b"v 0 0 0\nvn 0 0 2\nv 1 0 0\nvn 0 -1 0\n", Format::Obj);
+    let c = cloud(b"v 0 0 0\nvn 0 0 2\nv 1 0 0\nvn 0 -1 0\n", ModelFormat::Obj);
     assert_eq!(c.normal, [Vec3::Z, Vec3::NEG_Y]);
-    let c = cloud(b"v 0 0 0\nv 1 0 0\nvn 0 -1 0\n", Format::Obj);
+    let c = cloud(b"v 0 0 0\nv 1 0 0\nvn 0 -1 0\n", ModelFormat::Obj);
     assert!(c.normal.is_empty());
 }
 
 #[test]
 fn bad_statements_are_named() {
-    let message = |text: &str| refused(text.as_bytes(), Format::Obj).to_string();
+    let message = |text: &str| refused(text.as_bytes(), ModelFormat::Obj).to_string();
     assert_eq!(message("v 1 2\n"), "line 1: found 2 numbers, expected `v x y z [w] [r g b]`");
     assert_eq!(message("v 0 0 0\nv 1 2 three\n"), "line 2: found `three`, expected a number");
     assert!(message("hello\n").contains("no vertex in the whole file"));
@@ -76,13 +78,13 @@ fn a_mesh_of_few_vertices_is_noted() {
     for face in ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"] {
         writeln!(cube, "f {face}").unwrap();
     }
-    let notes = cloud(cube.as_bytes(), Format::Obj).notes;
+    let notes = cloud(cube.as_bytes(), ModelFormat::Obj).notes;
     let expected = "8 vertices for 6 faces: faces are not drawn, so sample points on the mesh";
     assert!(notes.iter().any(|note| note == expected), "{notes:?}");
     // Points alone are no mesh, and many vertices are a surface.
     let many = "v 0 0 0\nv 1 0 0\n".repeat(500) + "v 0 1 0\nf 999 1000 1001\n";
     for text in [cube.split("f ").next().unwrap().to_owned(), many] {
-        let notes = cloud(text.as_bytes(), Format::Obj).notes;
+        let notes = cloud(text.as_bytes(), ModelFormat::Obj).notes;
         assert!(!notes.iter().any(|note| note.contains("faces are not drawn")), "{notes:?}");
     }
 }

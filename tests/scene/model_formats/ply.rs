@@ -1,7 +1,7 @@
 //! PLY: every layout that is met in the wild.
 
 use glam::{DVec3, Vec3};
-use splatblur::model::{ColourStorage, Format, Material};
+use splatblur::model::{ColourStorage, Material, ModelFormat};
 
 use super::support::{ENCODINGS, Encoding, Ply, cloud, refused};
 
@@ -11,7 +11,7 @@ fn points(properties: &[(&str, &str)], rows: &[&[f64]]) -> splatblur::model::Clo
     let rows: Vec<Vec<f64>> = rows.iter().map(|r| r.to_vec()).collect();
     let mut all = Vec::new();
     for encoding in ENCODINGS {
-        all.push(cloud(&Ply::new(encoding).element("vertex", properties, &rows).bytes(), Format::Ply));
+        all.push(cloud(&Ply::new(encoding).element("vertex", properties, &rows).bytes(), ModelFormat::Ply));
     }
     for other in &all[1..] {
         assert_eq!(format!("{:?}", all[0]), format!("{other:?}"));
@@ -57,7 +57,7 @@ fn line_ends_and_a_body_that_begins_like_one() {
                 let properties = [("uchar", "x"), ("uchar", "y"), ("uchar", "z")];
                 let mut ply = Ply::new(encoding).line("comment a").element("vertex", &properties, &rows);
                 ply.line_end = line_end;
-                let c = cloud(&ply.bytes(), Format::Ply);
+                let c = cloud(&ply.bytes(), ModelFormat::Ply);
                 let expected = [DVec3::new(f64::from(first), 13.0, 10.0), DVec3::new(10.0, 10.0, 13.0)];
                 assert_eq!(c.position, expected, "{line_end:?} {encoding:?}");
                 assert!(c.notes.is_empty(), "{:?}", c.notes);
@@ -71,7 +71,7 @@ fn comments_blanks_and_latin_1() {
     let text =
         b"ply \n  format ascii 1.0\t\ncomment caf\xe9\n\nobj_info num_cols 3\nelement vertex 2 \n property float x\n\
         comment between\nproperty float y\nproperty float z\nend_header  \n1 2\n3\n 4\t5 6";
-    let c = cloud(text, Format::Ply);
+    let c = cloud(text, ModelFormat::Ply);
     assert_eq!(c.position, [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0)]);
 }
 
@@ -84,7 +84,7 @@ fn other_elements_before_and_after() {
                 .lists("edges", "ids", count, item, &[vec![], vec![1.0, 2.0, 3.0]])
                 .element("vertex", &XYZ, &[vec![1.0, 2.0, 3.0]])
                 .lists("material", "ids", count, item, &[vec![9.0; 4]]);
-            let c = cloud(&ply.bytes(), Format::Ply);
+            let c = cloud(&ply.bytes(), ModelFormat::Ply);
             assert_eq!(c.position, [DVec3::new(1.0, 2.0, 3.0)], "{encoding:?} {count} {item}");
             assert!(c.notes.is_empty(), "{:?}", c.notes);
         }
@@ -99,12 +99,15 @@ fn a_list_among_the_vertex_properties() {
             Ply::new(encoding).line(text).lists("vertex", "ids", "uchar", "int", &[vec![1.0], vec![2.0, 3.0]]);
         ply.encoding = encoding;
         // A vertex without x, y, z but with a list: refused, with the line of the element.
-        let e = refused(&ply.bytes(), Format::Ply).to_string();
+        let e = refused(&ply.bytes(), ModelFormat::Ply).to_string();
         assert!(e.starts_with("line 4: found an element `vertex` without x, y and z"), "{e}");
     }
     let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty list uchar int ids\nproperty float \
                 y\nproperty float z\nend_header\n1 2 7 7 3 4\n5 0 6 7\n";
-    assert_eq!(cloud(text.as_bytes(), Format::Ply).position, [DVec3::new(1.0, 3.0, 4.0), DVec3::new(5.0, 6.0, 7.0)]);
+    assert_eq!(
+        cloud(text.as_bytes(), ModelFormat::Ply).position,
+        [DVec3::new(1.0, 3.0, 4.0), DVec3::new(5.0, 6.0, 7.0)]
+    );
 }
 
 #[test]
@@ -158,7 +161,7 @@ fn colours_by_their_type() {
     assert!(c.notes[0].contains("`scalar_density` is shown as grey"), "{:?}", c.notes);
     let mixed = with_xyz(&[("uchar", "red"), ("float", "green"), ("uchar", "blue")]);
     let ply = Ply::new(Encoding::Little).element("vertex", &mixed, &[vec![0.0; 6]]);
-    assert!(refused(&ply.bytes(), Format::Ply).to_string().contains("colour channels of types uchar and float"));
+    assert!(refused(&ply.bytes(), ModelFormat::Ply).to_string().contains("colour channels of types uchar and float"));
 }
 
 #[test]
@@ -167,7 +170,7 @@ fn opacities_by_their_type() {
         let rows = values.map(|value| vec![0.0, 0.0, 0.0, value]);
         let properties = with_xyz(&[(kind, name)]);
         let all: Vec<_> = ENCODINGS
-            .map(|encoding| cloud(&Ply::new(encoding).element("vertex", &properties, &rows).bytes(), Format::Ply))
+            .map(|encoding| cloud(&Ply::new(encoding).element("vertex", &properties, &rows).bytes(), ModelFormat::Ply))
             .into_iter()
             .map(|cloud| (cloud.opacity, cloud.notes))
             .collect();
@@ -200,7 +203,7 @@ fn opacities_by_their_type() {
     assert_eq!((opacity, notes.len()), (vec![1.0, 1.0, 0.5], 1), "{notes:?}");
     // Beside columns of a capture it is a logit, even where the rest of the capture is missing.
     let broken = with_xyz(&[("float", "f_dc_0"), ("float", "scale_0"), ("float", "opacity")]);
-    let c = cloud(&Ply::new(Encoding::Little).element("vertex", &broken, &[vec![0.5; 6]]).bytes(), Format::Ply);
+    let c = cloud(&Ply::new(Encoding::Little).element("vertex", &broken, &[vec![0.5; 6]]).bytes(), ModelFormat::Ply);
     assert!(c.opacity.is_empty());
     assert_eq!(c.notes, ["vertex properties ignored: f_dc_0, scale_0, opacity"]);
 }
@@ -218,7 +221,7 @@ fn odd_rates_and_identities_are_refused_with_their_place() {
         let properties: Vec<(&str, &str)> = names.iter().map(|&name| ("double", name)).collect();
         let rows = [vec![0.0; 3 + row.len()], [&[0.0; 3], row].concat()];
         let file = Ply::new(ENCODINGS[0]).element("vertex", &with_xyz(&properties), &rows).bytes();
-        refused(&file, Format::Ply).to_string()
+        refused(&file, ModelFormat::Ply).to_string()
     };
     let expected = "expected a finite number up to 1e18 (`vy` of vertex 1 of 2)";
     for value in [f64::NAN, f64::NEG_INFINITY, 2e18] {
@@ -250,7 +253,7 @@ fn points_that_are_not_numbers_are_dropped_with_their_attributes() {
     assert_eq!(c.position, [DVec3::X]);
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                 end_header\n-nan(ind) 0 0\n1.#QNAN 0 0\n+1.5e+01 -.5 6.\n";
-    assert_eq!(cloud(text.as_bytes(), Format::Ply).position, [DVec3::new(15.0, -0.5, 6.0)]);
+    assert_eq!(cloud(text.as_bytes(), ModelFormat::Ply).position, [DVec3::new(15.0, -0.5, 6.0)]);
 }
 
 #[test]
@@ -289,7 +292,7 @@ fn normals_from_faces_wherever_they_stand() {
                     &[vec![0.0, 1.0, 2.0], vec![0.0, 2.0, 3.0]],
                 );
                 for ply in [before, after] {
-                    let c = cloud(&ply.bytes(), Format::Ply);
+                    let c = cloud(&ply.bytes(), ModelFormat::Ply);
                     assert_eq!(c.normal, [Vec3::Z; 4], "{encoding:?} {list} {item}");
                 }
             }
@@ -302,7 +305,7 @@ fn normals_from_faces_wherever_they_stand() {
             "int",
             &strip,
         );
-        assert_eq!(cloud(&ply.bytes(), Format::Ply).normal, [Vec3::Z; 4]);
+        assert_eq!(cloud(&ply.bytes(), ModelFormat::Ply).normal, [Vec3::Z; 4]);
     }
 }
 
@@ -317,7 +320,7 @@ fn normals_of_the_file_win_over_faces() {
         "int",
         &[vec![0.0, 1.0, 2.0]],
     );
-    assert_eq!(cloud(&ply.bytes(), Format::Ply).normal, [Vec3::X; 3]);
+    assert_eq!(cloud(&ply.bytes(), ModelFormat::Ply).normal, [Vec3::X; 3]);
 }
 
 #[test]
@@ -337,7 +340,7 @@ fn gaussian_splats() {
     broken[10..].fill(0.0);
     for encoding in ENCODINGS {
         let rows = [faint.clone(), solid.clone(), broken.clone()];
-        let c = cloud(&Ply::new(encoding).element("vertex", &properties, &rows).bytes(), Format::Ply);
+        let c = cloud(&Ply::new(encoding).element("vertex", &properties, &rows).bytes(), ModelFormat::Ply);
         assert_eq!(c.position, [DVec3::X * 5.0]);
         assert!((c.colour[0] - Vec3::new(1.0, 0.0, 0.5)).length() < 1e-5, "{}", c.colour[0]);
         assert_eq!(c.colour_storage, ColourStorage::Integer);
@@ -365,7 +368,7 @@ fn gaussian_blobs_are_dropped() {
             vec![x, x, x, 0.0, 0.0, 0.0, 9.0, sigma.ln(), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         })
         .collect();
-    let c = cloud(&Ply::new(Encoding::Big).element("vertex", &properties, &rows).bytes(), Format::Ply);
+    let c = cloud(&Ply::new(Encoding::Big).element("vertex", &properties, &rows).bytes(), ModelFormat::Ply);
     assert_eq!(c.position.len(), 199);
     assert!(c.notes[0].contains("1 with a sigma above 2.5%"), "{:?}", c.notes);
 }

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Ply as Theirs, Property};
-use splatblur::model::Format;
+use splatblur::model::ModelFormat;
 
 use super::support::{ENCODINGS, Ply, cloud, read};
 
@@ -29,7 +29,7 @@ fn vector(e: &DefaultElement, names: [&str; 3]) -> DVec3 {
 #[test]
 fn ascii_with_normals_and_colours() {
     let bytes = read("spot_1500_ascii.ply");
-    let (ours, theirs) = (cloud(&bytes, Format::Ply), theirs(&bytes));
+    let (ours, theirs) = (cloud(&bytes, ModelFormat::Ply), theirs(&bytes));
     let vertices = &theirs.payload["vertex"];
     assert_eq!((ours.position.len(), vertices.len()), (1500, 1500));
     for (i, v) in vertices.iter().enumerate() {
@@ -44,7 +44,7 @@ fn ascii_with_normals_and_colours() {
 #[test]
 fn big_endian_mesh() {
     let bytes = read("spot_mesh_be.ply");
-    let (ours, theirs) = (cloud(&bytes, Format::Ply), theirs(&bytes));
+    let (ours, theirs) = (cloud(&bytes, ModelFormat::Ply), theirs(&bytes));
     let positions: Vec<DVec3> = theirs.payload["vertex"].iter().map(|v| vector(v, ["x", "y", "z"])).collect();
     assert_eq!(ours.position, positions);
     // Area-weighted normals, the short way.
@@ -77,7 +77,7 @@ fn generated_files() {
             .lists("other", "ids", "uchar", "short", &[vec![1.0, -2.0]])
             .element("vertex", &properties, &rows)
             .bytes();
-        let (ours, theirs) = (cloud(&bytes, Format::Ply), theirs(&bytes));
+        let (ours, theirs) = (cloud(&bytes, ModelFormat::Ply), theirs(&bytes));
         for (i, v) in theirs.payload["vertex"].iter().enumerate() {
             assert_eq!(ours.position[i], vector(v, ["x", "y", "z"]), "{encoding:?}");
             let colour: Vec3 = (vector(v, ["red", "green", "blue"]) / 65535.0).as_vec3();

@@ -1,13 +1,13 @@
 //! `Pointshop3D` files.
 
 use glam::{DVec3, Vec3};
-use splatblur::model::{ColourStorage, Format};
+use splatblur::model::{ColourStorage, ModelFormat};
 
 use super::support::{Entry, be, cloud, read, refused, sfl_f32, sfl_file, sfl_set, sfl_u32};
 
 #[test]
 fn tiny_full_to_its_known_values() {
-    let c = cloud(&read("tiny_full.sfl"), Format::Sfl);
+    let c = cloud(&read("tiny_full.sfl"), ModelFormat::Sfl);
     assert_eq!(c.position.len(), 3);
     let normals = [Vec3::X, Vec3::Z, Vec3::new(0.6, -0.8, 0.0)];
     for (i, normal) in normals.into_iter().enumerate() {
@@ -47,7 +47,7 @@ fn root_axes_then_the_transform() {
     let h = 0.5_f32.sqrt();
     let record = be(&[1.0, 2.0, 3.0, 0.0, h, h, 0.5]);
     let [set, resolution] = sfl_set(PLAIN, &[(0, 0), (1, 12), (4, 24)], 28, &record, &[transform, version(1)]);
-    let c = cloud(&sfl_file(&[root, set, resolution]), Format::Sfl);
+    let c = cloud(&sfl_file(&[root, set, resolution]), ModelFormat::Sfl);
     assert_eq!(c.position, [DVec3::new(104.0, 3.0, 1.0)]);
     // The normal (h, h, 0) by the inverse transpose: (h/2, h, 0).
     let n = Vec3::new(0.5, 1.0, 0.0).normalize();
@@ -63,7 +63,7 @@ fn root_axes_then_the_transform() {
 fn elliptical_surfels_without_normals() {
     let record = be(&[1.0, 2.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.0, -0.5]);
     let [set, resolution] = sfl_set(1 << 24, &[(0, 0), (24, 12)], 36, &record, &[version(1)]);
-    let c = cloud(&sfl_file(&[vec![], set, resolution]), Format::Sfl);
+    let c = cloud(&sfl_file(&[vec![], set, resolution]), ModelFormat::Sfl);
     assert_eq!(c.axes, [[Vec3::X * 2.0, Vec3::Z * -0.5]]);
     assert_eq!((c.normal[0], c.radius[0], c.colour[0]), (Vec3::Y, 2.0, Vec3::ONE));
 }
@@ -73,10 +73,10 @@ fn format_version_0_announces_what_it_does_not_store() {
     let record = be(&[1.0, 2.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
     let properties = [(0, 0), (1, 400), (4, 500), (24, 12)];
     let [set, resolution] = sfl_set(1 << 24, &properties, 36, &record, &[version(0)]);
-    let c = cloud(&sfl_file(&[vec![], set, resolution]), Format::Sfl);
+    let c = cloud(&sfl_file(&[vec![], set, resolution]), ModelFormat::Sfl);
     assert_eq!((c.normal[0], c.radius[0]), (Vec3::Z, 2.0));
     let [set, resolution] = sfl_set(1 << 24, &properties, 36, &record, &[version(1)]);
-    let e = refused(&sfl_file(&[vec![], set, resolution]), Format::Sfl).to_string();
+    let e = refused(&sfl_file(&[vec![], set, resolution]), ModelFormat::Sfl).to_string();
     assert!(e.contains("property 1 of 12 bytes at 400, expected inside a surfel of 36 bytes"), "{e}");
 }
 
@@ -98,7 +98,7 @@ fn coded_normals_flags_and_colour_models() {
         let properties = [(0, 0), (27, 12), (10, 16), (1, 18)];
         let [set, resolution] =
             sfl_set(mask | 0x09 << 16, &properties, size, &[invisible, record].concat(), &[version(1)]);
-        let c = cloud(&sfl_file(&[vec![], set, resolution]), Format::Sfl);
+        let c = cloud(&sfl_file(&[vec![], set, resolution]), ModelFormat::Sfl);
         assert_eq!((c.position.as_slice(), c.colour[0]), ([DVec3::ZERO].as_slice(), Vec3::ONE));
         assert!((c.normal[0] - expected.normalize()).length() < 1e-6, "{}", c.normal[0]);
         assert_eq!(c.notes, ["1 surfels dropped: flagged invisible"]);
@@ -112,7 +112,7 @@ fn several_sets_are_merged_at_their_finest() {
     first[0] = sfl_u32(0x0140, &[2]);
     let [_, fine] = sfl_set(0, &[(0, 0)], 12, &[position(2.0), position(3.0)].concat(), &[]);
     let [second, only] = sfl_set(0, &[(0, 0), (9, 12)], 13, &[position(4.0), vec![102]].concat(), &[]);
-    let c = cloud(&sfl_file(&[vec![], first.clone(), coarse.clone(), fine.clone(), second, only]), Format::Sfl);
+    let c = cloud(&sfl_file(&[vec![], first.clone(), coarse.clone(), fine.clone(), second, only]), ModelFormat::Sfl);
     let x: Vec<f64> = c.position.iter().map(|p| p.x).collect();
     assert_eq!(x, [2.0, 3.0, 4.0]);
     assert_eq!(c.material.iter().map(|m| m.ambient).collect::<Vec<_>>(), [1.0, 1.0, 0.4]);
@@ -122,15 +122,15 @@ fn several_sets_are_merged_at_their_finest() {
         set.push(sfl_u32(0x0141, &[i]));
         sfl_file(&[vec![], set, coarse.clone(), fine.clone()])
     };
-    assert_eq!(cloud(&finest(0), Format::Sfl).position, [DVec3::X]);
-    assert!(refused(&finest(2), Format::Sfl).to_string().contains("found finest resolution 2, expected below 2"));
+    assert_eq!(cloud(&finest(0), ModelFormat::Sfl).position, [DVec3::X]);
+    assert!(refused(&finest(2), ModelFormat::Sfl).to_string().contains("found finest resolution 2, expected below 2"));
     // Tags 0140 and 0130 count resolutions and sets.
     first[0] = sfl_u32(0x0140, &[3]);
-    let e = refused(&sfl_file(&[vec![], first.clone(), coarse.clone(), fine.clone()]), Format::Sfl).to_string();
+    let e = refused(&sfl_file(&[vec![], first.clone(), coarse.clone(), fine.clone()]), ModelFormat::Sfl).to_string();
     assert!(e.contains("found 2 resolutions where the set announces 3, expected as many as it announces"), "{e}");
     first[0] = sfl_u32(0x0140, &[2]);
     let list = vec![sfl_u32(0x0130, &[2])];
-    let e = refused(&sfl_file(&[vec![], list, first, coarse, fine]), Format::Sfl).to_string();
+    let e = refused(&sfl_file(&[vec![], list, first, coarse, fine]), ModelFormat::Sfl).to_string();
     assert!(e.contains("found 1 surfel sets where the list announces 2, expected as many as it announces"), "{e}");
 }
 
@@ -138,7 +138,7 @@ fn several_sets_are_merged_at_their_finest() {
 fn other_units_are_scaled() {
     let root = vec![sfl_f32(0x0113, &[0.01])];
     let [set, resolution] = sfl_set(0, &[(0, 0), (4, 12)], 16, &be(&[1.0, 2.0, 3.0, 0.5]), &[sfl_f32(0x0160, &[0.02])]);
-    let c = cloud(&sfl_file(&[root, set, resolution]), Format::Sfl);
+    let c = cloud(&sfl_file(&[root, set, resolution]), ModelFormat::Sfl);
     assert!((c.position[0] - DVec3::new(2.0, 4.0, 6.0)).length() < 1e-6);
     assert!((c.radius[0] - 1.0).abs() < 1e-6);
 }
@@ -148,7 +148,7 @@ fn what_is_refused() {
     let record = be(&[1.0, 2.0, 3.0]);
     let message = |mask: u32, properties: &[(u16, u32)], size: u32, more: &[Entry]| {
         let [set, resolution] = sfl_set(mask, properties, size, &record, more);
-        refused(&sfl_file(&[vec![], set, resolution]), Format::Sfl).to_string()
+        refused(&sfl_file(&[vec![], set, resolution]), ModelFormat::Sfl).to_string()
     };
     let has = |message: String, part: &str| assert!(message.contains(part), "{message}");
     has(message(0b0100, &[(0, 0)], 12, &[]), "normal code 1 (ico8)");
@@ -161,5 +161,5 @@ fn what_is_refused() {
     has(message(0, &[(0, 0)], 12, &[singular]), "singular");
     has(message(0, &[(0, 0)], 12, &[sfl_f32(0x0161, &[1.0; 15])]), "15 numbers, expected 16 (tag 0161)");
     has(message(0, &[(0, 0)], 12, &[sfl_f32(0x0160, &[0.0])]), "units 0, expected more than 0");
-    has(refused(&sfl_file(&[vec![]]), Format::Sfl).to_string(), "no surfel set");
+    has(refused(&sfl_file(&[vec![]]), ModelFormat::Sfl).to_string(), "no surfel set");
 }

@@ -8,7 +8,7 @@ use glam::{Quat, Vec3};
 use image::ExtendedColorType;
 use image::codecs::webp::WebPEncoder;
 use serde_json::{Value, json};
-use splatblur::model::{Format, Gaussians, parse_capture};
+use splatblur::model::{Gaussians, ModelFormat, parse_capture};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -98,7 +98,7 @@ impl Sog {
 }
 
 fn capture(bytes: &[u8]) -> Gaussians {
-    parse_capture(bytes, Format::Sog).unwrap().unwrap()
+    parse_capture(bytes, ModelFormat::Sog).unwrap().unwrap()
 }
 
 #[test]
@@ -219,7 +219,7 @@ fn what_is_refused() {
         (sh("/shN/count", json!(65537)), "found 65537 sets of harmonics in meta.json, expected at most 65536"),
         (sh("/shN/codebook", json!([])), "found a codebook of 0 in shN of meta.json"),
     ] {
-        let e = refused(&sog.bytes(), Format::Sog).to_string();
+        let e = refused(&sog.bytes(), ModelFormat::Sog).to_string();
         assert!(e.contains(expected), "{e}\n  expected {expected}");
     }
 }
@@ -237,7 +237,7 @@ fn other_archives_are_refused_by_name() {
         ("word.xml", "found a zip archive without meta.json, expected a SOG capture with meta.json"),
         ("meta.json", "found an older SOG"),
     ] {
-        let e = refused(&archive(name), Format::Sog).to_string();
+        let e = refused(&archive(name), ModelFormat::Sog).to_string();
         assert!(e.contains(expected), "{e}");
     }
 }
@@ -247,7 +247,7 @@ fn every_truncation_is_refused() {
     let bytes = Sog::with_harmonics(1).bytes();
     capture(&bytes);
     for length in 0..bytes.len() {
-        refused(&bytes[..length], Format::Sog);
+        refused(&bytes[..length], ModelFormat::Sog);
     }
 }
 
@@ -260,7 +260,7 @@ fn damaged_pictures_never_panic() {
             for bit in 0..8 {
                 let mut damaged = picture.clone();
                 damaged[at] ^= 1 << bit;
-                let _ = parse_capture(&sog.clone().file(name, damaged).bytes(), Format::Sog);
+                let _ = parse_capture(&sog.clone().file(name, damaged).bytes(), ModelFormat::Sog);
             }
         }
     }
@@ -272,16 +272,16 @@ fn bombs_are_refused_before_they_are_inflated() {
     // Zeros that deflate a thousandfold, as metadata and as a picture.
     let zeros = vec![0; 40 << 20];
     let sog = Sog::new().file("low.webp", zeros);
-    let e = refused(&sog.bytes_with(CompressionMethod::Deflated), Format::Sog).to_string();
+    let e = refused(&sog.bytes_with(CompressionMethod::Deflated), ModelFormat::Sog).to_string();
     assert!(e.contains("found an entry `low.webp` of 41943040 bytes, expected at most "), "{e}");
     let sog = Sog::new().set("/asset", json!("x".repeat(2 << 20)));
-    let e = refused(&sog.bytes_with(CompressionMethod::Deflated), Format::Sog).to_string();
+    let e = refused(&sog.bytes_with(CompressionMethod::Deflated), ModelFormat::Sog).to_string();
     assert!(e.contains("found an entry `meta.json` of "), "{e}");
     // One colour, 16383 by 16383: the sides less 1 stand in the 28 bits after the signature.
     let mut picture = webp(2, 2, &[[1, 2, 3, 4]; 4]);
     let at = picture.windows(5).position(|w| &w[..4] == b"VP8L").unwrap() + 9;
     picture[at..at + 4].copy_from_slice(&(1_u32 << 28 | 0x3ffe << 14 | 0x3ffe).to_le_bytes());
-    let e = refused(&Sog::new().file("low.webp", picture).bytes(), Format::Sog).to_string();
+    let e = refused(&Sog::new().file("low.webp", picture).bytes(), ModelFormat::Sog).to_string();
     assert!(e.contains("found 16383 x 16383 pixels in `low.webp`, expected at most 65542 pixels"), "{e}");
     assert!(start.elapsed() < Duration::from_secs(2));
 }

@@ -1,7 +1,7 @@
 //! `.splat`: every field against values computed by hand.
 
 use glam::{Quat, Vec3};
-use splatblur::model::{Format, Gaussians, parse_capture};
+use splatblur::model::{Gaussians, ModelFormat, parse_capture};
 
 use super::support::{cloud, load_as, refused};
 
@@ -12,7 +12,7 @@ fn record(floats: [f32; 6], bytes: [u8; 8]) -> Vec<u8> {
 }
 
 fn capture(bytes: &[u8]) -> Gaussians {
-    parse_capture(bytes, Format::Splat).unwrap().unwrap()
+    parse_capture(bytes, ModelFormat::Splat).unwrap().unwrap()
 }
 
 #[test]
@@ -40,7 +40,7 @@ fn rotations_are_made_of_length_one() {
 fn a_part_of_a_record_is_refused() {
     let bytes = [record([1.0; 6], [200; 8]), record([2.0; 6], [200; 8])].concat();
     for length in (0..64).filter(|length| length % 32 != 0) {
-        let e = refused(&bytes[..length], Format::Splat).to_string();
+        let e = refused(&bytes[..length], ModelFormat::Splat).to_string();
         let (at, rest) = (length / 32 * 32, length % 32);
         assert_eq!(e, format!("byte {at}: found {rest} bytes of a record, expected 32: is the file cut short?"));
     }
@@ -64,7 +64,7 @@ fn what_cannot_be_drawn_is_dropped_and_counted() {
     bytes.extend(record([1.0; 6], [200, 200, 200, 200, 128, 128, 128, 128]));
     let c = capture(&bytes);
     assert_eq!((c.len(), c.dropped), (1, 20));
-    assert!(cloud(&bytes, Format::Splat).notes[0].contains("1 of 21 kept"));
+    assert!(cloud(&bytes, ModelFormat::Splat).notes[0].contains("1 of 21 kept"));
 }
 
 #[test]
@@ -83,6 +83,6 @@ fn the_extension_shows_the_format() {
 fn other_formats_are_no_captures() {
     let text = b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
                  end_header\n1 2 3\n";
-    assert!(parse_capture(text, Format::Ply).unwrap().is_none());
-    assert!(parse_capture(b"1 2 3\n", Format::Xyz).unwrap().is_none());
+    assert!(parse_capture(text, ModelFormat::Ply).unwrap().is_none());
+    assert!(parse_capture(b"1 2 3\n", ModelFormat::Xyz).unwrap().is_none());
 }

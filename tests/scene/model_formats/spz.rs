@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use splatblur::model::{Cloud, ColourStorage, Format, Gaussians, parse_capture};
+use splatblur::model::{Cloud, ColourStorage, Gaussians, ModelFormat, parse_capture};
 
 use super::support::{cloud, refused};
 
@@ -94,11 +94,11 @@ fn largest(index: u32, others: [i32; 3]) -> [u8; 4] {
 }
 
 fn capture(bytes: &[u8]) -> Gaussians {
-    parse_capture(bytes, Format::Spz).unwrap().unwrap()
+    parse_capture(bytes, ModelFormat::Spz).unwrap().unwrap()
 }
 
 fn says(bytes: &[u8], part: &str) {
-    let e = refused(bytes, Format::Spz).to_string();
+    let e = refused(bytes, ModelFormat::Spz).to_string();
     assert!(e.contains(part), "{e}\n  expected {part}");
 }
 
@@ -237,7 +237,7 @@ fn cut_short_at_every_byte() {
     for bytes in [spz.streams(), Spz { version: 3, ..spz }.gzip()] {
         assert_eq!(capture(&bytes).len(), 2);
         for length in 0..bytes.len() {
-            refused(&bytes[..length], Format::Spz);
+            refused(&bytes[..length], ModelFormat::Spz);
         }
         let more = capture(&[&bytes[..], b"more"].concat());
         assert_eq!(more.notes, ["4 bytes after the last stream ignored"]);
@@ -252,7 +252,7 @@ fn damage_at_every_byte_is_no_panic() {
             for value in [0, 1, 0x80, 0xff, bytes[at] ^ 4] {
                 let mut damaged = bytes.clone();
                 damaged[at] = value;
-                let _ = parse_capture(&damaged, Format::Spz);
+                let _ = parse_capture(&damaged, ModelFormat::Spz);
             }
         }
     }
@@ -323,8 +323,8 @@ fn bombs_are_refused_at_once() {
 fn known_by_its_first_bytes_and_drawn_as_surfels() {
     let spz = Spz::pair();
     for (bytes, name) in [(spz.streams(), "a.spz"), (Spz { version: 3, ..spz }.gzip(), "a.dat")] {
-        assert_eq!(Format::detect(&bytes, Path::new(name)), Some(Format::Spz));
-        let Cloud { position, colour_storage, two_sided, .. } = cloud(&bytes, Format::Spz);
+        assert_eq!(ModelFormat::detect(&bytes, Path::new(name)), Some(ModelFormat::Spz));
+        let Cloud { position, colour_storage, two_sided, .. } = cloud(&bytes, ModelFormat::Spz);
         // The other is fainter than what is drawn.
         assert_eq!((position.len(), colour_storage, two_sided), (1, ColourStorage::Integer, true));
     }

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use splatblur::model::{Cloud, Format, LoadOptions, LoadedModel, ModelError, ParseError, Parsed, Surfels, load, parse};
+use splatblur::model::{
+    Cloud, LoadOptions, LoadedModel, ModelError, ModelFormat, ParseError, Parsed, Surfels, load, parse,
+};
 
 /// A file of tests/data/models.
 pub(crate) fn data(name: &str) -> PathBuf {
@@ -13,7 +15,7 @@ pub(crate) fn read(name: &str) -> Vec<u8> {
     std::fs::read(data(name)).unwrap()
 }
 
-pub(crate) fn cloud(bytes: &[u8], format: Format) -> Cloud {
+pub(crate) fn cloud(bytes: &[u8], format: ModelFormat) -> Cloud {
     match parse(bytes, format) {
         Ok(Parsed::Cloud(cloud)) => cloud,
         Ok(Parsed::Surfels(_) | Parsed::Grid(_)) => panic!("surfels or a grid instead of a cloud"),
@@ -21,7 +23,7 @@ pub(crate) fn cloud(bytes: &[u8], format: Format) -> Cloud {
     }
 }
 
-pub(crate) fn refused(bytes: &[u8], format: Format) -> ParseError {
+pub(crate) fn refused(bytes: &[u8], format: ModelFormat) -> ParseError {
     match parse(bytes, format) {
         Err(error) => error,
         Ok(parsed) => panic!("accepted: {parsed:?}"),
@@ -29,7 +31,7 @@ pub(crate) fn refused(bytes: &[u8], format: Format) -> ParseError {
 }
 
 pub(crate) fn surfels(bytes: &[u8]) -> Result<Surfels, ParseError> {
-    match parse(bytes, Format::Bin)? {
+    match parse(bytes, ModelFormat::Bin)? {
         Parsed::Surfels(surfels) => Ok(surfels),
         Parsed::Cloud(_) | Parsed::Grid(_) => panic!("a cloud or a grid instead of surfels"),
     }

@@ -1,11 +1,11 @@
 //! Texts of points: what the columns of `.xyz` and `.pts` mean, how they are known, and what is refused.
 
 use glam::{DVec3, Vec3};
-use splatblur::model::{Cloud, ColourStorage, Format, Parsed, parse};
+use splatblur::model::{Cloud, ColourStorage, ModelFormat, Parsed, parse};
 
 use super::support::refused;
 
-fn cloud(text: &str, format: Format) -> Cloud {
+fn cloud(text: &str, format: ModelFormat) -> Cloud {
     match parse(text.as_bytes(), format).unwrap() {
         Parsed::Cloud(cloud) => cloud,
         Parsed::Surfels(_) | Parsed::Grid(_) => panic!("no cloud"),
@@ -13,11 +13,11 @@ fn cloud(text: &str, format: Format) -> Cloud {
 }
 
 fn xyz(text: &str) -> Cloud {
-    cloud(text, Format::Xyz)
+    cloud(text, ModelFormat::Xyz)
 }
 
 fn pts(text: &str) -> Cloud {
-    cloud(text, Format::Pts)
+    cloud(text, ModelFormat::Pts)
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn counts_are_held_to() {
         ("0 0 0\n", "line 1: found 3 words, expected the number of points"),
         ("", "line 1: found no point in the whole file"),
     ] {
-        let e = refused(text.as_bytes(), Format::Pts).to_string();
+        let e = refused(text.as_bytes(), ModelFormat::Pts).to_string();
         assert!(e.contains(expected), "{e}\n  expected {expected}");
     }
 }
@@ -107,7 +107,7 @@ fn lines_that_are_refused() {
         ("# nothing\n", "line 1: found no point in the whole file"),
         (&"1 ".repeat(1 << 20), "line 1: found more than 9 numbers"),
     ] {
-        let e = refused(text.as_bytes(), Format::Xyz).to_string();
+        let e = refused(text.as_bytes(), ModelFormat::Xyz).to_string();
         assert!(e.contains(expected), "{e}\n  expected {expected}");
         assert!(e.len() < 300, "{e}");
     }
@@ -115,25 +115,25 @@ fn lines_that_are_refused() {
 
 #[test]
 fn content_shows_the_format_before_the_name() {
-    let detect = |text: &str, name: &str| Format::detect(text.as_bytes(), name.as_ref());
-    assert_eq!(detect("1 2 3\n", "a.txt"), Some(Format::Xyz));
-    assert_eq!(detect("1\n1 2 3\n", "a.asc"), Some(Format::Pts));
-    assert_eq!(detect("1\n1 2 3\n", "a.xyz"), Some(Format::Pts));
-    assert_eq!(detect("# no count\n1 2 3 4\n", "a.PTS"), Some(Format::Xyz));
-    assert_eq!(detect("x y z\n1 2 3\n", "a.XYZ"), Some(Format::Xyz));
+    let detect = |text: &str, name: &str| ModelFormat::detect(text.as_bytes(), name.as_ref());
+    assert_eq!(detect("1 2 3\n", "a.txt"), Some(ModelFormat::Xyz));
+    assert_eq!(detect("1\n1 2 3\n", "a.asc"), Some(ModelFormat::Pts));
+    assert_eq!(detect("1\n1 2 3\n", "a.xyz"), Some(ModelFormat::Pts));
+    assert_eq!(detect("# no count\n1 2 3 4\n", "a.PTS"), Some(ModelFormat::Xyz));
+    assert_eq!(detect("x y z\n1 2 3\n", "a.XYZ"), Some(ModelFormat::Xyz));
     // Names of columns show it, too, where the next line is a point of as many words.
-    assert_eq!(detect("name,x,y,z\nfirst,1,2,3\n", "a.csv"), Some(Format::Xyz));
-    assert_eq!(detect("// X Y Z\n1 2 3\n", "a.csv"), Some(Format::Xyz));
+    assert_eq!(detect("name,x,y,z\nfirst,1,2,3\n", "a.csv"), Some(ModelFormat::Xyz));
+    assert_eq!(detect("// X Y Z\n1 2 3\n", "a.csv"), Some(ModelFormat::Xyz));
     assert_eq!(detect("x y z\none two three\n", "a.csv"), None);
     assert_eq!(detect("x y z\n1 2 3 4\n", "a.csv"), None);
     assert_eq!(detect("# x y z w\nv 1 2 3\n", "a.csv"), None);
-    assert_eq!(detect("", "a.pts"), Some(Format::Pts));
-    assert_eq!(detect("v 1 2 3\n", "a.obj"), Some(Format::Obj));
-    assert_eq!(detect("ply\n", "a.xyz"), Some(Format::Ply));
+    assert_eq!(detect("", "a.pts"), Some(ModelFormat::Pts));
+    assert_eq!(detect("v 1 2 3\n", "a.obj"), Some(ModelFormat::Obj));
+    assert_eq!(detect("ply\n", "a.xyz"), Some(ModelFormat::Ply));
     for (text, name) in [("", "a.txt"), ("one two three\n", "a.txt"), ("1 2\n", "a"), ("3\nwater\nH 0 0 0\n", "a.txt")]
     {
         assert_eq!(detect(text, name), None, "{text:?}");
     }
     // The head that is looked at ends within a word.
-    assert_eq!(detect(&"1 2 3\n".repeat(4000), "a"), Some(Format::Xyz));
+    assert_eq!(detect(&"1 2 3\n".repeat(4000), "a"), Some(ModelFormat::Xyz));
 }

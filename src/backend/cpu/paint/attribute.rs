@@ -4,8 +4,8 @@
 //!
 //! In: splats of a tile's list, the tile's depths, the surfels' attributes. Out: the tile's sums. In list order.
 
-use super::buffers::{APRON_STRIDE, DISC, Layer, PEAK, PaintBuffers, SIDE};
-use super::kernel::{Kernel, Sight};
+use super::buffers::{APRON_STRIDE, DISC, DepthLayer, PEAK, PaintBuffers, SIDE};
+use super::kernel::{Kernel, RasterRays};
 use crate::backend::cpu::attribute::{Attributes, add_patch};
 use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
@@ -18,7 +18,7 @@ use crate::math::simd::dispatch;
 pub(in crate::backend) struct Filter<'a> {
     pub attributes: Attributes<'a>,
     pub depths: Depths,
-    pub sight: Sight,
+    pub sight: RasterRays,
     /// Where the tile begins in planes with an apron.
     pub start: usize,
     /// T(x) of what hides the layer that is being peeled off; empty where nothing does.
@@ -29,18 +29,18 @@ impl Filter<'_> {
     /// The layer of a splat at `depth`, where its object shows up to `limit` and the threshold behind is `second`;
     /// `None` where it is hidden. `covers`: whether its disc covers the pixel.
     #[inline(always)]
-    fn layer(&self, depth: f32, limit: f32, second: f32, open: bool, covers: bool) -> Option<Layer> {
+    fn layer(&self, depth: f32, limit: f32, second: f32, open: bool, covers: bool) -> Option<DepthLayer> {
         let before = depth < limit - 2.0 * self.depths.tolerance(depth);
         if open && before && !covers {
-            Some(Layer::Front)
+            Some(DepthLayer::Front)
         } else if depth <= limit {
-            Some(Layer::Band)
+            Some(DepthLayer::Band)
         } else if !open {
             None
         } else if depth <= second {
-            Some(Layer::Second)
+            Some(DepthLayer::Second)
         } else {
-            Some(Layer::Rest)
+            Some(DepthLayer::Rest)
         }
     }
 }
@@ -151,7 +151,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                     weights[l] = if shows { seen.weight } else { 0.0 };
                     depths[l] = seen.depth;
                 }
-                let out = &mut buffers.sums[Layer::Band as usize][at..];
+                let out = &mut buffers.sums[DepthLayer::Band as usize][at..];
                 add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
                 x += W;
                 continue;
@@ -182,7 +182,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
             if open == 0 {
                 (0..LANES)
                     .for_each(|l| weights[l] = if depths[l] <= limit_of(depths[l], l) { weights[l] } else { 0.0 });
-                let out = &mut buffers.sums[Layer::Band as usize][at..];
+                let out = &mut buffers.sums[DepthLayer::Band as usize][at..];
                 add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
             } else {
                 let next = patch::load::<W>(&buffers.second[y * STRIDE + x..], STRIDE);
@@ -195,16 +195,16 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                         of_layer[layer as usize][l] = weights[l];
                         any[layer as usize] |= weights[l] > 0.0;
                     }
-                    discs[l] = if layer == Some(Layer::Rest) { discs[l] } else { 0.0 };
+                    discs[l] = if layer == Some(DepthLayer::Rest) { discs[l] } else { 0.0 };
                 }
-                for layer in Layer::ALL {
+                for layer in DepthLayer::ALL {
                     if any[layer as usize] {
                         let out = &mut buffers.sums[layer as usize][at..];
                         add_layer::<K, W>(out, row, splat, values, filter, (&of_layer[layer as usize], &depths), true);
                     }
                 }
                 if discs.iter().any(|&disc| disc > 0.0) {
-                    let out = &mut buffers.sums[Layer::Rest as usize][at + (channels + DISC) * STRIDE..];
+                    let out = &mut buffers.sums[DepthLayer::Rest as usize][at + (channels + DISC) * STRIDE..];
                     add_patch::<W>(out, row, &discs, 1.0);
                 }
             }

@@ -11,7 +11,7 @@ pub(in crate::backend) const APRON_ROWS: usize = TILE + 2 * MOST_APRON + 1;
 
 /// Groups of splats at a pixel, by depth, in the order in which they are composited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::backend) enum Layer {
+pub(in crate::backend) enum DepthLayer {
     /// Before the nearest disc that covers the pixel, by more than the tolerance.
     Front,
     /// At the nearest disc.
@@ -22,7 +22,7 @@ pub(in crate::backend) enum Layer {
     Rest,
 }
 
-impl Layer {
+impl DepthLayer {
     pub(in crate::backend) const ALL: [Self; 4] = [Self::Front, Self::Band, Self::Second, Self::Rest];
 }
 
@@ -88,9 +88,9 @@ impl PaintBuffers {
     pub(in crate::backend) fn clear_sums(&mut self, channels: usize, filtered: bool) {
         let open = self.any_open();
         self.row = (channels + if filtered { EXTRA } else { 0 }) * STRIDE;
-        for (layer, sums) in Layer::ALL.into_iter().zip(&mut self.sums) {
+        for (layer, sums) in DepthLayer::ALL.into_iter().zip(&mut self.sums) {
             sums.clear();
-            if open || layer == Layer::Band {
+            if open || layer == DepthLayer::Band {
                 sums.resize(ROWS * self.row, 0.0);
             }
         }

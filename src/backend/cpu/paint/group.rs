@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use super::attribute::{Filter, attribute};
 use super::buffers::{APRON_STRIDE, with_apron};
-use super::kernel::{Kernel, Sight};
+use super::kernel::{Kernel, RasterRays};
 use super::visibility::{find_open, second, visibility};
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
@@ -126,7 +126,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
             job.buffers.clear_coverage(self.samples());
         }
         let first = self.first(job);
-        let sight = Sight::new(scope.frame.near, scope.raster);
+        let sight = RasterRays::new(scope.frame.near, scope.raster);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
             if list.is_empty() {

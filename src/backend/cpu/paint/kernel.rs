@@ -47,7 +47,7 @@ pub(in crate::backend) trait Kernel: Tiled + Faced + Wasteful + Copy + Send + Sy
     }
 
     /// Lane `l` of a patch. `CROSSING`: as [`Self::is_crossing`] says.
-    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &Sight) -> Seen;
+    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen;
 
     /// Pass `resolve` of one tile, as [`resolve::resolve`].
     fn resolve(
@@ -64,7 +64,7 @@ pub(in crate::backend) trait Kernel: Tiled + Faced + Wasteful + Copy + Send + Sy
 
 /// The numbers that all rays of a raster share.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend) struct Sight {
+pub(in crate::backend) struct RasterRays {
     /// 1 / near.
     pub most_inverse_depth: f32,
     /// A quarter of the variance of the filter, raster pixels^2.
@@ -73,7 +73,7 @@ pub(in crate::backend) struct Sight {
     pub low_pass_scale: f32,
 }
 
-impl Sight {
+impl RasterRays {
     pub(in crate::backend) fn new(near: f32, raster: &Raster) -> Self {
         Self {
             most_inverse_depth: 1.0 / near,
@@ -118,7 +118,7 @@ impl Kernel for Splat {
     }
 
     #[inline(always)]
-    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &Sight) -> Seen {
+    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen {
         let hit = patch.at(self, l);
         let depth = 1.0 / hit.inverse_depth;
         let covers = sight.covers(&hit);
@@ -165,7 +165,7 @@ impl Kernel for EwaSplat {
     }
 
     #[inline(always)]
-    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &Sight) -> Seen {
+    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen {
         let hit = patch.at(&self.disc, l);
         let in_view = (hit.inverse_depth > 0.0) & (hit.inverse_depth <= sight.most_inverse_depth);
         let plane_depth = 1.0 / hit.inverse_depth;

@@ -16,8 +16,8 @@ mod waste;
 
 pub(in crate::backend::cpu) use self::attribute::{Filter, attribute};
 pub(in crate::backend) use self::buffers::PaintBuffers;
-pub(in crate::backend::cpu) use self::buffers::{APRON_STRIDE, Layer, PEAK, SIDE, with_apron};
+pub(in crate::backend::cpu) use self::buffers::{APRON_STRIDE, DepthLayer, PEAK, SIDE, with_apron};
 pub(in crate::backend) use self::group::{PaintGroup, Painted};
-pub(in crate::backend) use self::kernel::{Kernel, Seen, Sight};
+pub(in crate::backend) use self::kernel::{Kernel, RasterRays, Seen};
 pub(in crate::backend::cpu) use self::visibility::{find_open, visibility};
 pub(in crate::backend::cpu) use self::waste::of_splats as waste_of;

@@ -3,7 +3,7 @@
 //!
 //! In: a tile's sums and depths. Out: the tile's film.
 
-use super::buffers::{APRON_STRIDE, DISC, Layer, PEAK, PaintBuffers, SIDE};
+use super::buffers::{APRON_STRIDE, DISC, DepthLayer, PEAK, PaintBuffers, SIDE};
 use crate::backend::cpu::mirror::Rows;
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
@@ -36,11 +36,11 @@ fn resolve_body(
             let rim = buffers.rim[y] >> x & 0xff;
             let mut left = [1.0_f32; LANES];
             let last = if open == 0 { [0; LANES] } else { last_layers(buffers, y * row + x) };
-            for layer in Layer::ALL {
-                if open == 0 && layer != Layer::Band {
+            for layer in DepthLayer::ALL {
+                if open == 0 && layer != DepthLayer::Band {
                     continue;
                 }
-                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile).of_layer(layer == Layer::Band);
+                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile).of_layer(layer == DepthLayer::Band);
                 let sums = rows.own;
                 let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
                 let weights = plane(0);
@@ -55,10 +55,12 @@ fn resolve_body(
                 } else {
                     let first = lanes(&buffers.threshold[start + y * APRON_STRIDE + x..]);
                     let covered = match layer {
-                        Layer::Front => [false; LANES],
-                        Layer::Band => first.map(|depth| depth < f32::INFINITY),
-                        Layer::Second => lanes(&buffers.second[y * STRIDE + x..]).map(|depth| depth < f32::INFINITY),
-                        Layer::Rest => plane(channels + DISC).map(|discs| discs > 0.0),
+                        DepthLayer::Front => [false; LANES],
+                        DepthLayer::Band => first.map(|depth| depth < f32::INFINITY),
+                        DepthLayer::Second => {
+                            lanes(&buffers.second[y * STRIDE + x..]).map(|depth| depth < f32::INFINITY)
+                        }
+                        DepthLayer::Rest => plane(channels + DISC).map(|discs| discs > 0.0),
                     };
                     let (peaks, sides) = (plane(channels + PEAK), plane(channels + SIDE));
                     for l in 0..LANES {

@@ -5,7 +5,7 @@
 //! kernels cover. Sums are in list order; the coverage mask is order-free.
 
 use super::map::Map;
-use super::ray::{Lanes, Ray, Sight};
+use super::ray::{Lanes, Ray, RaySettings};
 use crate::backend::cpu::attribute::{Attributes, add};
 use crate::backend::cpu::swept::Hull;
 use crate::backend::cpu::swept::attribute::HIDDEN;
@@ -72,7 +72,7 @@ fn add_all<const LINE: bool, const LOW_PASS: bool>(
     let channels = attributes.channels.count;
     let Raster { axis, offset, focal, .. } = *swept.raster;
     let axis = [axis[0] - offset[0], axis[1] - offset[1]];
-    let sight = Sight { source_samples: swept.source_samples, slope: swept.slope, sum: swept.sum, axis, focal };
+    let sight = RaySettings { source_samples: swept.source_samples, slope: swept.slope, sum: swept.sum, axis, focal };
     let [left, top] = tile.corner;
     for &index in list {
         let splat = &splats[index as usize];

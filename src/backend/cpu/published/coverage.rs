@@ -2,7 +2,7 @@
 //!
 //! In: a tile's coverage mask. Out: its coverage. One sample position at a time, order-free.
 
-use crate::backend::cpu::swept::Exposure;
+use crate::backend::cpu::swept::IntervalExposure;
 use crate::backend::cpu::tile_buffers::CoverageMask;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE};
 use crate::math::simd::dispatch;
@@ -10,12 +10,12 @@ use crate::math::simd::dispatch;
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
     pub(in crate::backend) fn coverage(
-        exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
+        exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
     ) = coverage_body
 }
 
 #[inline(always)]
-fn coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
+fn coverage_body(exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
     out.clear();
     out.resize(TILE * STRIDE, 0.0);
     let lanes = coverage_mask.surface.chunks_exact(LANES).zip(coverage_mask.low_pass.chunks_exact(LANES));

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use super::resolve::resolve;
 use crate::backend::Waste;
 use crate::backend::cpu::bin::{Binned, Tiled};
-use crate::backend::cpu::paint::{self, Kernel, PaintBuffers, Seen, Sight};
+use crate::backend::cpu::paint::{self, Kernel, PaintBuffers, RasterRays, Seen};
 use crate::backend::cpu::patch::Patch;
 use crate::backend::cpu::project::{self, Projected, Sink, SurfelView};
 use crate::backend::cpu::resolve::{Resolve, TileFilm};
@@ -82,7 +82,7 @@ impl Kernel for LowPassSplat {
     }
 
     #[inline(always)]
-    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &Sight) -> Seen {
+    fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen {
         let centre_depth = self.0.centre_depth;
         let hit = patch.at(&self.0, l);
         let plane_depth = 1.0 / hit.inverse_depth;
@@ -113,7 +113,7 @@ impl Kernel for LowPassSplat {
 }
 
 impl Wasteful for LowPassSplat {
-    fn waste(binned: &Binned<Self>, sight: &waste::Sight<'_>) -> Waste {
+    fn waste(binned: &Binned<Self>, sight: &waste::WasteView<'_>) -> Waste {
         paint::waste_of(&binned.splats, &waste::whole(&sight.band), &sight.rays())
     }
 }

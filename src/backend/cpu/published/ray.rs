@@ -9,7 +9,7 @@ use crate::math::sweep::{Path, Sweep, chord_intensity, line_weight, moments};
 
 /// How kernels are met.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend::cpu) struct Sight {
+pub(in crate::backend::cpu) struct RaySettings {
     /// Places of a kernel on one ray whose sources are looked up.
     pub source_samples: u32,
     /// Change of the time weight from the middle of the interval to its end, over its mean.
@@ -22,7 +22,7 @@ pub(in crate::backend::cpu) struct Sight {
     pub focal: f32,
 }
 
-impl Sight {
+impl RaySettings {
     /// 1 / |cos| of the angle between the kernel's normal and the ray at offset `x`, `y` from the splat's reference,
     /// where the inverse depth is `w` (docs/math.md, eq. 16b).
     #[inline(always)]
@@ -92,7 +92,7 @@ impl Ray {
     pub(in crate::backend::cpu) fn meet<const LINE: bool, const LOW_PASS: bool>(
         &self,
         splat: &SweptSplat,
-        view: &Sight,
+        view: &RaySettings,
         part: u32,
         pixel: [f32; 2],
         last: f32,

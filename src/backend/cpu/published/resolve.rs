@@ -4,7 +4,7 @@
 //! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
 
 use crate::backend::cpu::mirror::Rows;
-use crate::backend::cpu::paint::{APRON_STRIDE, Layer, PaintBuffers};
+use crate::backend::cpu::paint::{APRON_STRIDE, DepthLayer, PaintBuffers};
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
@@ -22,7 +22,7 @@ fn resolve_body(resolve: &Resolve<'_>, tile: &TileRect, buffers: &PaintBuffers, 
     film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
     for y in 0..tile.height {
         for x in (0..tile.width).step_by(LANES) {
-            let rows = Rows::new(&buffers.sums[Layer::Band as usize], buffers.row, y, tile);
+            let rows = Rows::new(&buffers.sums[DepthLayer::Band as usize], buffers.row, y, tile);
             let weights = lanes(&rows.own[x..]);
             if weights.iter().all(|&weight| weight == 0.0) {
                 continue;

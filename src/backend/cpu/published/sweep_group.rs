@@ -11,7 +11,7 @@ use crate::backend::cpu::job::Job;
 use crate::backend::cpu::project::SurfelView;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
-use crate::backend::cpu::swept::{Exposure, add_to_film, project};
+use crate::backend::cpu::swept::{IntervalExposure, add_to_film, project};
 use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
 use crate::layout::SweptSplat;
@@ -66,7 +66,8 @@ impl PublishedSweepGroup<'_> {
     /// Pass `resolve` of one tile.
     pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
         let TileBuffers { sums, group_coverage, coverage_mask, .. } = &mut *job.buffers;
-        let exposure = Exposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
+        let exposure =
+            IntervalExposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
         coverage(&exposure, coverage_mask, &mut group_coverage.coverage);
         add_to_film(&self.scope, self.kernel.normalise, &job.tile, sums, &group_coverage.coverage, job.out);
     }

@@ -1,6 +1,6 @@
 //! What bounds of published kernels in motion waste: pixels within their hulls.
 
-use super::ray::{Lanes, Ray, Sight};
+use super::ray::{Lanes, Ray, RaySettings};
 use crate::backend::Waste;
 use crate::backend::cpu::swept::{count, covered};
 use crate::layout::SweptSplat;
@@ -13,7 +13,7 @@ dispatch! {
 
 #[inline(always)]
 fn waste_of_body(splats: &[SweptSplat], near: f32, low_pass: f32) -> Waste {
-    let sight = Sight { source_samples: 1, slope: 0.0, sum: false, axis: [0.0; 2], focal: 1.0 };
+    let sight = RaySettings { source_samples: 1, slope: 0.0, sum: false, axis: [0.0; 2], focal: 1.0 };
     let mut waste = Waste::default();
     let mut lanes = Lanes::default();
     for splat in splats {

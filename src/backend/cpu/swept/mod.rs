@@ -15,6 +15,6 @@ mod waste;
 
 pub(in crate::backend) use self::hull::Hull;
 pub(in crate::backend) use self::resolve::finish;
-pub(in crate::backend::cpu) use self::resolve::{Exposure, add_to_film};
+pub(in crate::backend::cpu) use self::resolve::{IntervalExposure, add_to_film};
 pub(in crate::backend) use self::sweep_group::SweepGroup;
 pub(in crate::backend::cpu) use self::waste::{count, covered};

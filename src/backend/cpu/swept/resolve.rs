@@ -15,7 +15,7 @@ use crate::plan::PosedInterval;
 
 /// What an interval contributes.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend) struct Exposure<'a> {
+pub(in crate::backend) struct IntervalExposure<'a> {
     pub interval: &'a PosedInterval,
     /// The interval's share of the exposure.
     pub weight: f32,
@@ -30,12 +30,12 @@ pub(in crate::backend) const NOISE: f32 = 2.0;
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
     pub(in crate::backend) fn coverage(
-        exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
+        exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
     ) = coverage_body
 }
 
 #[inline(always)]
-fn coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
+fn coverage_body(exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
     out.clear();
     out.resize(TILE * STRIDE, 0.0);
     let CoverageMask { surface, low_pass, loose, peak, side } = coverage_mask;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::attribute::{self, Swept};
 use super::project;
-use super::resolve::{self, Exposure, add_to_film};
+use super::resolve::{self, IntervalExposure, add_to_film};
 use super::slices;
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
@@ -79,7 +79,7 @@ impl SweepGroup<'_> {
     pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
         let TileBuffers { sums, group_coverage, coverage_mask, .. } = &mut *job.buffers;
         let (weight, coverage) = (self.scope.weight(), &mut group_coverage.coverage);
-        let exposure = Exposure { interval: self.interval, weight, sum: self.sums_weights() };
+        let exposure = IntervalExposure { interval: self.interval, weight, sum: self.sums_weights() };
         resolve::coverage(&exposure, coverage_mask, coverage);
         add_to_film(&self.scope, self.kernel.normalise, &job.tile, sums, coverage, job.out);
     }

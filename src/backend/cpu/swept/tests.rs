@@ -335,7 +335,7 @@ impl Disc {
 fn line_weights_are_integrals_along_the_ray() {
     let mut random = Random(5);
     let (mut met, mut worst) = (0, 0.0_f64);
-    let sight = published::Sight {
+    let sight = published::RaySettings {
         source_samples: 1,
         slope: 0.0,
         sum: true,

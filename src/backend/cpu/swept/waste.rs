@@ -12,7 +12,7 @@ use crate::math::simd::dispatch;
 use crate::options::{KernelShape, KernelWeight};
 
 impl Wasteful for SweptSplat {
-    fn waste(binned: &Binned<Self>, sight: &waste::Sight<'_>) -> Waste {
+    fn waste(binned: &Binned<Self>, sight: &waste::WasteView<'_>) -> Waste {
         let Some(kernel) = sight.swept else { return Waste::default() };
         let kernels = (&binned.splats[..], &binned.filters[..]);
         match (kernel.weight, kernel.shape) {

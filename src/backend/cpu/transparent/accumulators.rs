@@ -52,12 +52,12 @@ pub(super) struct TileContent<'a> {
     pub depth: bool,
     pub velocity: bool,
     pub volumes: bool,
-    pub surfels: Surfels<'a>,
+    pub surfels: SurfelLayers<'a>,
 }
 
 /// The surfels of a tile.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Surfels<'a> {
+pub(super) struct SurfelLayers<'a> {
     /// The layers of see-through surfels, front to back, each as a film: premultiplied, linear.
     pub layers: &'a [TileFilm],
     /// T(x) of opaque surfels; empty where there are none.
@@ -67,7 +67,7 @@ pub(super) struct Surfels<'a> {
     pub coded: bool,
 }
 
-impl Surfels<'_> {
+impl SurfelLayers<'_> {
     fn any(&self) -> bool {
         !self.layers.is_empty() || !self.threshold.is_empty()
     }
@@ -214,7 +214,7 @@ impl Composite {
 
     /// Composites the layers of surfels of pixel `[x, y]` that are nearer than `depth`.
     #[cold]
-    pub(super) fn pass_surfels(&mut self, surfels: &Surfels<'_>, [x, y]: [usize; 2], depth: f32) {
+    pub(super) fn pass_surfels(&mut self, surfels: &SurfelLayers<'_>, [x, y]: [usize; 2], depth: f32) {
         while self.next_depth[y * STRIDE + x] < depth {
             if !self.open.is_empty() {
                 let mut wanted = [false; LANES];
@@ -228,7 +228,7 @@ impl Composite {
     }
 
     /// Finds the next layer of surfels at a pixel, from number `from` on.
-    fn find_next(&mut self, surfels: &Surfels<'_>, [x, y]: [usize; 2], from: u8) {
+    fn find_next(&mut self, surfels: &SurfelLayers<'_>, [x, y]: [usize; 2], from: u8) {
         let at = y * STRIDE + x;
         let shows = |film: &TileFilm| film.values.get((3 * TILE + y) * TILE + x).is_some_and(|&alpha| alpha > 0.0);
         let next = (usize::from(from)..surfels.layers.len()).find(|&number| shows(&surfels.layers[number]));
@@ -237,7 +237,7 @@ impl Composite {
         (self.next[at], self.next_depth[at]) = (next.unwrap_or(surfels.layers.len()) as u8, depth);
     }
 
-    fn add_surfels(&mut self, surfels: &Surfels<'_>, film: &TileFilm, [x, y]: [usize; 2]) {
+    fn add_surfels(&mut self, surfels: &SurfelLayers<'_>, film: &TileFilm, [x, y]: [usize; 2]) {
         let of_film = |plane: usize| film.values[(plane * TILE + y) * TILE + x];
         let first = y * self.channels * STRIDE + x;
         let (depth, velocity, normal) = (self.depth(), self.velocity(), self.normal);
@@ -261,7 +261,7 @@ impl Composite {
     }
 
     /// Composites all that is still open or still to come.
-    pub(super) fn finish(&mut self, surfels: &Surfels<'_>, tile: &TileRect) {
+    pub(super) fn finish(&mut self, surfels: &SurfelLayers<'_>, tile: &TileRect) {
         for y in 0..tile.height {
             if !surfels.layers.is_empty() {
                 (0..tile.width).for_each(|x| self.pass_surfels(surfels, [x, y], f32::INFINITY));

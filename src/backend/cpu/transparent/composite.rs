@@ -4,7 +4,7 @@
 //! In: splats in the order of depth; depth thresholds of opaque surfels; layers of see-through surfels. Out:
 //! premultiplied colour and transmittance of each pixel. The order of splats matters; pixels do not know one another.
 
-use super::accumulators::{COLOUR, Composite, DEPTH, OPAQUE, RUNS, Surfels, blocks, within};
+use super::accumulators::{COLOUR, Composite, DEPTH, OPAQUE, RUNS, SurfelLayers, blocks, within};
 use super::project::{FAINTEST, Projected, least_power};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect, lanes};
 use crate::backend::{Pixels, Waste};
@@ -17,12 +17,12 @@ pub(in crate::backend) const MOST_ALPHA: f32 = 0.99;
 
 /// Splats of one tile that are composited together.
 #[derive(Debug, Default)]
-pub(super) struct Batch {
+pub(super) struct SplatBatch {
     splats: Vec<GaussianSplat>,
     velocities: Vec<[f32; 2]>,
 }
 
-impl Batch {
+impl SplatBatch {
     /// Splats of a full one.
     pub(super) const SIZE: usize = 64;
 
@@ -54,16 +54,16 @@ pub(super) struct SampledTile<'a> {
     pub offset: [f32; 2],
     /// Do depths rise? In a bucket they need not: all its samples have the order of its middle.
     pub rising: bool,
-    pub surfels: Surfels<'a>,
+    pub surfels: SurfelLayers<'a>,
 }
 
 dispatch! {
     /// Composites the splats of `batch` behind what is there. Says whether any pixel can take more.
-    pub(super) fn composite(batch: &Batch, place: &SampledTile<'_>, out: &mut Composite) -> bool = composite_body
+    pub(super) fn composite(batch: &SplatBatch, place: &SampledTile<'_>, out: &mut Composite) -> bool = composite_body
 }
 
 #[inline(always)]
-fn composite_body(batch: &Batch, place: &SampledTile<'_>, out: &mut Composite) -> bool {
+fn composite_body(batch: &SplatBatch, place: &SampledTile<'_>, out: &mut Composite) -> bool {
     let surfels = !out.limit.is_empty();
     match (out.own_channels(), surfels, out.open.is_empty()) {
         (4, false, true) => all::<4, false, false>(batch, place, out),
@@ -88,7 +88,7 @@ fn composite_body(batch: &Batch, place: &SampledTile<'_>, out: &mut Composite) -
 /// `SURFELS`: there may be surfels. `VOLUMES`: there may be kernels of volumes.
 #[inline(always)]
 fn all<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool>(
-    batch: &Batch,
+    batch: &SplatBatch,
     place: &SampledTile<'_>,
     out: &mut Composite,
 ) {

@@ -20,8 +20,8 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use self::accumulators::{Composite, Surfels, TileContent};
-use self::composite::{Batch, SampledTile, composite, waste};
+use self::accumulators::{Composite, SurfelLayers, TileContent};
+use self::composite::{SampledTile, SplatBatch, composite, waste};
 use self::project::{Projected, project};
 use self::resolve::{Over, resolve};
 pub(in crate::backend) use self::see_through::SeeThroughGroup;
@@ -339,7 +339,7 @@ impl TransparentGroup<'_> {
         }
         let start = Instant::now();
         let coded = frame.blending == Some(Blending::Coded);
-        let surfels = Surfels { layers, threshold: &opaque.threshold, planes: scope.planes, coded };
+        let surfels = SurfelLayers { layers, threshold: &opaque.threshold, planes: scope.planes, coded };
         if pass.first {
             let (depth, velocity) = (scope.planes.depth.is_some(), self.velocity());
             out.start(&TileContent { depth, velocity, volumes: self.scope.frame.has_volumes(), surfels }, &tile);
@@ -347,7 +347,7 @@ impl TransparentGroup<'_> {
         let place = SampledTile { tile: &tile, offset: scope.raster.offset, rising: !self.several(), surfels };
         let any = sets.map(|set| set.reaches(index));
         let mut walks = sets.map(|set| set.walk(&tile, index));
-        let mut batch = Batch::default();
+        let mut batch = SplatBatch::default();
         loop {
             let wants = |bounds| out.is_open(bounds, &tile);
             let more = match any {
@@ -425,7 +425,7 @@ struct Pass {
 }
 
 /// Fills `batch` with the nearest of what both walks come to next. False at the end of both.
-fn take_nearest(walks: &mut [Walk<'_>; 2], batch: &mut Batch, wants: impl Fn([u16; 4]) -> bool) -> bool {
+fn take_nearest(walks: &mut [Walk<'_>; 2], batch: &mut SplatBatch, wants: impl Fn([u16; 4]) -> bool) -> bool {
     let [fixed, moving] = walks;
     let mut next = [fixed.peek(), moving.peek()];
     while batch.room() > 0 {

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::composite::Batch;
+use super::composite::SplatBatch;
 use super::project::Projected;
 use crate::backend::cpu::tiles::{Band, TILE, TileRect};
 use crate::layout::GaussianSplat;
@@ -257,7 +257,7 @@ impl Walk<'_> {
     }
 
     /// Appends the next splat to `batch`, if `wants` its bounds.
-    pub(super) fn take_one(&mut self, batch: &mut Batch, wants: impl Fn([u16; 4]) -> bool) {
+    pub(super) fn take_one(&mut self, batch: &mut SplatBatch, wants: impl Fn([u16; 4]) -> bool) {
         if let Some(&index) = self.rest().first() {
             let place = place_of(self.listed.order.parts[self.part][index as usize]);
             if wants(self.listed.bounds(place)) {
@@ -269,7 +269,7 @@ impl Walk<'_> {
 
     /// Appends the next splats to `batch`, those of which `wants` the bounds, as many as have room. False at the end.
     /// `all`: it wants all, so nobody need look at bounds, which takes time.
-    pub(super) fn take(&mut self, batch: &mut Batch, all: bool, wants: impl Fn([u16; 4]) -> bool) -> bool {
+    pub(super) fn take(&mut self, batch: &mut SplatBatch, all: bool, wants: impl Fn([u16; 4]) -> bool) -> bool {
         let room = batch.room();
         let listed = self.listed;
         let count = self.rest().len().min(room);
@@ -278,7 +278,7 @@ impl Walk<'_> {
         }
         let part = &listed.order.parts[self.part];
         // Places first: short loops have more loads under way than one long loop.
-        let mut places = [0; Batch::SIZE];
+        let mut places = [0; SplatBatch::SIZE];
         for (place, &index) in places.iter_mut().zip(&self.rest()[..count]) {
             *place = place_of(part[index as usize]);
         }

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::super::Stop;
+use super::super::TransferStop;
 use super::*;
 
 fn ball(sizes: [usize; 3], steps: DMat3) -> Grid {
@@ -17,8 +17,8 @@ fn ball(sizes: [usize; 3], steps: DMat3) -> Grid {
 
 fn options() -> VolumeOptions {
     let stops = vec![
-        Stop { value: 0.0, colour: Vec3::new(0.0, 0.5, 1.0), opacity: 0.0 },
-        Stop { value: 1.0, colour: Vec3::new(2.0, 0.25, 0.0), opacity: 7.0 },
+        TransferStop { value: 0.0, colour: Vec3::new(0.0, 0.5, 1.0), opacity: 0.0 },
+        TransferStop { value: 1.0, colour: Vec3::new(2.0, 0.25, 0.0), opacity: 7.0 },
     ];
     VolumeOptions { transfer: Some(Arc::new(TransferFunction::new(stops).unwrap())), ..VolumeOptions::default() }
 }

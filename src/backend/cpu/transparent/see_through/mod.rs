@@ -15,7 +15,7 @@ use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
 use crate::backend::cpu::paint::{
-    APRON_STRIDE, Filter, PaintGroup, Sight, attribute, find_open, visibility, with_apron,
+    APRON_STRIDE, Filter, PaintGroup, RasterRays, attribute, find_open, visibility, with_apron,
 };
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
@@ -132,7 +132,7 @@ impl SeeThroughGroup<'_> {
             job.buffers.clear_coverage(scope.group.samples.len());
         }
         let (start, ceiling) = (self.first(job), self.ceiling(job.index));
-        let sight = Sight::new(scope.frame.near, scope.raster);
+        let sight = RasterRays::new(scope.frame.near, scope.raster);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
             if list.is_empty() {

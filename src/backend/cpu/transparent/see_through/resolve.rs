@@ -6,7 +6,7 @@
 use super::super::accumulators::OPAQUE;
 use super::cover::Cover;
 use crate::backend::cpu::mirror::Rows;
-use crate::backend::cpu::paint::{self, APRON_STRIDE, Layer, PEAK, PaintBuffers, SIDE};
+use crate::backend::cpu::paint::{self, APRON_STRIDE, DepthLayer, PEAK, PaintBuffers, SIDE};
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
@@ -64,11 +64,11 @@ fn resolve_body(
             film.threshold[at..at + LANES].copy_from_slice(&depth);
             let mut covers = cover.load(at);
             let before: [f32; LANES] = std::array::from_fn(|l| covers.through(l));
-            for layer in [Layer::Front, Layer::Band] {
-                if open == 0 && layer == Layer::Front {
+            for layer in [DepthLayer::Front, DepthLayer::Band] {
+                if open == 0 && layer == DepthLayer::Front {
                     continue;
                 }
-                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile).of_layer(layer == Layer::Band);
+                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile).of_layer(layer == DepthLayer::Band);
                 let sums = rows.own;
                 let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
                 let weights = plane(0);
@@ -80,7 +80,7 @@ fn resolve_body(
                 let opacities = plane(opacity);
                 let mut share = [0.0; LANES];
                 for l in 0..LANES {
-                    let covered = layer == Layer::Band && depth[l] < f32::INFINITY;
+                    let covered = layer == DepthLayer::Band && depth[l] < f32::INFINITY;
                     let soft = paint::resolve::coverage(weights[l], sides[l], peaks[l] * inverse[l], covered);
                     let coverage = if open >> l & 1 == 0 { 1.0 } else { soft };
                     let coverage = group_coverage.get(at + l).map_or(coverage, |coverage| coverage * scale);

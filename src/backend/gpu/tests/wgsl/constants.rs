@@ -10,7 +10,7 @@ use super::{defined, module};
 use crate::backend::cpu::bounds::{HALF_SIDE, OCTAGON, ROUNDING, SLACK, SLACK_SHARE};
 use crate::backend::cpu::depths::LEAST_EPSILON;
 use crate::backend::cpu::land::LEAST_SPEED;
-use crate::backend::cpu::paint::buffers::Layer;
+use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::cpu::project::{CROSSING, CULLED, ORDINARY};
 use crate::backend::cpu::published::ray::FAR;
 use crate::backend::cpu::swept::attribute::HIDDEN;
@@ -52,7 +52,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
     let of_status = |offset: usize| whole(offset / size_of::<u32>());
     vec![
         ("AMBIENT", float(AMBIENT)),
-        ("BAND", whole(Layer::Band as u32)),
+        ("BAND", whole(DepthLayer::Band as u32)),
         ("BLOCK", whole(Blocks::EDGE)),
         ("CROSSING", whole(CROSSING)),
         ("CULLED", whole(CULLED)),
@@ -71,7 +71,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("FLAG_LIT", whole(FLAG_LIT)),
         ("FLAG_LOW_PASS", whole(FLAG_LOW_PASS)),
         ("FLAG_VOLUME", whole(FLAG_VOLUME)),
-        ("FRONT", whole(Layer::Front as u32)),
+        ("FRONT", whole(DepthLayer::Front as u32)),
         ("HALF_LOG2_E", float(HALF_LOG2_E)),
         ("HALF_SIDE", float(HALF_SIDE)),
         ("HALF_SQRT_PI", float(HALF_SQRT_PI)),
@@ -100,10 +100,10 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("OPAQUE_SURFELS", whole(OPAQUE_SURFELS)),
         ("ORDINARY", whole(ORDINARY)),
         ("REACH", float(REACH)),
-        ("REST", whole(Layer::Rest as u32)),
+        ("REST", whole(DepthLayer::Rest as u32)),
         ("ROUND", float(ROUND)),
         ("ROUNDING", float(ROUNDING)),
-        ("SECOND", whole(Layer::Second as u32)),
+        ("SECOND", whole(DepthLayer::Second as u32)),
         ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
         // The bits of flags above all that kernels in motion have.
         ("SEGMENT_SHIFT", whole((FLAG_BACK | FLAG_LOW_PASS | FLAG_CROSSING).trailing_ones())),
