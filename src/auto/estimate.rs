@@ -16,6 +16,8 @@ use crate::options::{Interleave, PixelFilter};
 
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
 const GAIN: f64 = 0.92;
+/// The same with a lattice, whose classes sample their strata off the middles.
+const GAIN_OF_LATTICE: f64 = 1.0;
 /// The same where strata are long.
 const GAIN_OF_LONG_STRATA: f64 = 0.97;
 /// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
@@ -133,8 +135,9 @@ impl<'a> Errors<'a> {
             (Interleave::None, ..SHORT_STRATA, PixelFilter::Point) => GAIN_OF_CENTRES,
             (Interleave::None, ..REST, _) => GAIN_OF_REST,
             (Interleave::None, ..SHORT_STRATA, _) => GAIN_OF_SHORT_STRATA,
-            (Interleave::None, FINE_STRATA.., _) => GAIN_OF_LONG_STRATA,
-            _ => GAIN,
+            (Interleave::None, ..FINE_STRATA, _) => GAIN,
+            (Interleave::None, ..) => GAIN_OF_LONG_STRATA,
+            _ => GAIN_OF_LATTICE,
         };
         let blocks = vec![BlockError::default(); width * height];
         let mut exposures = vec![1.0, (1.0 / white) as f32];

@@ -56,6 +56,14 @@ impl Round<'_> {
         self.factor > 1 && index % self.factor == place.shift
     }
 
+    /// The half buffer of stratum `index`. The outer two of four strata belong to one, so that each half buffer is its
+    /// own mirror image in time, and motion that turns at mid-exposure shows them different poses. The classes of a
+    /// lattice sample their strata off the middle, so that mirrored strata differ: there the half buffers take turns,
+    /// and samples of a coarser round stay in theirs wherever they lie within a stratum.
+    fn half_of(&self, index: u32) -> u32 {
+        if self.interleave == Interleave::None { index.div_ceil(2) % 2 } else { index % 2 }
+    }
+
     /// The new samples of half buffer `half`; their weights sum to 1.
     fn exposure(&self, half: u32) -> Exposure {
         let raster = |phase| {
@@ -74,7 +82,7 @@ impl Round<'_> {
         let place = self.place(phase);
         let strata = self.strata.samples(&scene.shutter, self.factor, place.fine);
         let fresh = (0..).zip(strata).filter(|(index, _)| !self.is_reused(&place, *index)).enumerate();
-        let of_half = fresh.filter(|(_, (index, _))| half_of(*index) == half);
+        let of_half = fresh.filter(|(_, (index, _))| self.half_of(*index) == half);
         let of_half: Vec<(usize, (f64, f64))> = of_half.map(|(rank, (_, sample))| (rank, sample)).collect();
         let total: f64 = of_half.iter().map(|(_, (_, weight))| weight).sum();
         let seed = interleave.seed_of(phase, options.look.seed);
@@ -115,12 +123,6 @@ impl Round<'_> {
     }
 }
 
-/// The half buffer of stratum `index`. Of four strata the outer two belong to one, so that each half buffer is its own
-/// mirror image in time, and motion that turns at mid-exposure shows them different poses.
-const fn half_of(index: u32) -> u32 {
-    index.div_ceil(2) % 2
-}
-
 /// Means over each half of the samples, without a background.
 pub(super) struct HalfBuffers([Picture; 2]);
 
@@ -146,7 +148,7 @@ impl HalfBuffers {
         let width = self.0[0].width as usize;
         // Strata move to the other half buffer where the finer ones that they lie in belong to it.
         let swaps: Vec<bool> = (0..stride * stride)
-            .map(|class| half_of(round.place([class % stride, class / stride].map(|p| p as u32)).shift) == 1)
+            .map(|class| round.half_of(round.place([class % stride, class / stride].map(|p| p as u32)).shift) == 1)
             .collect();
         let columns = |y: usize| Blocks::columns(Some(blocks), y, width, stride);
         let [even, odd] = &mut self.0;

@@ -48,7 +48,7 @@ fn square(material: &Value, opacity: u8) -> Vec<u8> {
 }
 
 fn sampled(path: &Path, spacing: Spacing) -> Surfels {
-    let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..SceneLoadOptions::default() };
+    let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..LoadOptions::default() };
     model::load(path, &options, &|_, _| {}).unwrap().surfels
 }
 
