@@ -3,8 +3,8 @@
 //! [`Exposure`] says at which times each pixel is sampled. Once the scene is posed there (`frame`),
 //! [`Step::of_position`] says what a backend does about it, and in which order. No other place knows that order: a
 //! backend walks over the rasters of a frame, their positions and their steps, and has one `match` over [`Step`].
-//! Within a step the passes run in the order that stands here, of both backends; the splats or the kernels in motion
-//! that they read are projected and listed by tile before the first pass that reads them.
+//! Within a step the passes run in the order that stands here, of both backends. A backend may do a pass with several
+//! programs: `gather` and a sort are parts of the GPU's `bin`, and `splat_values` is a part of its `attribute`.
 
 mod times;
 
@@ -201,6 +201,27 @@ impl Step {
     }
 }
 
+/// A pass that makes what a [`TilePass`] reads: splats, or kernels in motion, and their lists by tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BatchPass {
+    /// Surfels to splats: posed, projected, bounded and culled.
+    Project,
+    /// Splats to a list for each tile that they may touch.
+    Bin,
+}
+
+impl BatchPass {
+    /// The passes in order. They run before the first pass that reads splats. Where splats come in batches, they run
+    /// for each batch, and again for each pass that reads it.
+    pub const ORDER: [Self; 2] = [Self::Project, Self::Bin];
+}
+
+/// A pass of a step that works on tiles.
+pub trait TilePass: Copy {
+    /// Whether it reads the splats of a tile's list, and not only what passes before it made of them.
+    fn reads_splats(self) -> bool;
+}
+
 /// A pass of [`Step::Paint`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PaintPass {
@@ -216,14 +237,19 @@ pub enum PaintPass {
 }
 
 impl PaintPass {
-    /// The passes in order. `layered`: pixels have several layers. They have where a filter widens kernels and the
-    /// group has one sample: several samples have one coverage, at all depths together.
+    /// The passes in order. `layered`: pixels have several layers (`Frame::has_layers`).
     pub const fn order(layered: bool) -> &'static [Self] {
         if layered {
             &[Self::Visibility, Self::Second, Self::Attribute, Self::Resolve]
         } else {
             &[Self::Visibility, Self::Attribute, Self::Resolve]
         }
+    }
+}
+
+impl TilePass for PaintPass {
+    fn reads_splats(self) -> bool {
+        self != Self::Resolve
     }
 }
 
@@ -236,9 +262,7 @@ pub enum CompositePass {
     Sort,
     /// Kernels to splats at one sample of several.
     Project,
-    /// Slab of depth by slab, the nearest first: lists by tile, and composites of the splats of each tile, front to
-    /// back. The last slab's composite is laid over the opaque picture of the sample, and added to the film with its
-    /// weight.
+    /// Slab of depth by slab, the nearest first: [`BatchPass::Bin`], then on each tile [`SlabPass::order`].
     Composite,
 }
 
@@ -252,6 +276,22 @@ impl CompositePass {
             (false, true) => &[Self::Project, Self::Composite],
             (false, false) => &[Self::Composite],
         }
+    }
+}
+
+/// A pass of [`CompositePass::Composite`] on a tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SlabPass {
+    /// Composites the splats of the slab, front to back, behind those of the slabs before it.
+    Composite,
+    /// Lays the composite over the opaque picture of the sample, and adds it to the film with the sample's weight.
+    Resolve,
+}
+
+impl SlabPass {
+    /// The passes of one slab, in order. `last`: no slab is behind it.
+    pub const fn order(last: bool) -> &'static [Self] {
+        if last { &[Self::Composite, Self::Resolve] } else { &[Self::Composite] }
     }
 }
 
@@ -290,6 +330,12 @@ impl LayerPass {
     }
 }
 
+impl TilePass for LayerPass {
+    fn reads_splats(self) -> bool {
+        matches!(self, Self::Visibility(_) | Self::Attribute(_))
+    }
+}
+
 /// A pass of [`Step::Sweep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SweepPass {
@@ -307,6 +353,12 @@ impl SweepPass {
     pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
 }
 
+impl TilePass for SweepPass {
+    fn reads_splats(self) -> bool {
+        self != Self::Resolve
+    }
+}
+
 /// A pass of [`Published::Map`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapPass {
@@ -321,6 +373,12 @@ impl MapPass {
     pub const ORDER: [Self; 2] = [Self::Visibility, Self::Store];
 }
 
+impl TilePass for MapPass {
+    fn reads_splats(self) -> bool {
+        self != Self::Store
+    }
+}
+
 /// A pass of [`Published::Sweep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PublishedSweepPass {
@@ -333,6 +391,12 @@ pub enum PublishedSweepPass {
 impl PublishedSweepPass {
     /// The passes in order.
     pub const ORDER: [Self; 2] = [Self::Attribute, Self::Resolve];
+}
+
+impl TilePass for PublishedSweepPass {
+    fn reads_splats(self) -> bool {
+        self != Self::Resolve
+    }
 }
 
 impl Exposure {

@@ -30,11 +30,11 @@ pub struct Stats {
     /// Pixels, over all groups of time samples, at which more layers of see-through surfels lie one behind the other
     /// than are composited ([`LAYERS`](crate::plan::LAYERS)). The farther ones are left out there.
     pub left_out: u64,
-    /// Time of `project`. On the CPU: the sum over all threads, `bin` included. On a GPU: by the device's clock.
+    /// Time of `project`. On the CPU: the sum over all threads. On a GPU: by the device's clock.
     pub project: Duration,
     /// Time of `sort`, of splats of captures.
     pub sort: Duration,
-    /// Time of `bin`, where it is measured by itself.
+    /// Time of `bin`.
     pub bin: Duration,
     /// Time of `visibility`.
     pub visibility: Duration,

@@ -167,6 +167,8 @@ impl Frame {
 
     /// Gives each position its steps, and finds what they keep; again after objects or samples were changed.
     pub fn plan_steps(&mut self) {
+        let samples = self.samples_of_a_group();
+        debug_assert!(self.groups().all(|group| group.samples.len() == samples), "groups of one size");
         let scenery = Scenery {
             has_rest: self.has_static() && self.has_one_view(),
             low_pass: self.prefilter == Prefilter::Approx,
@@ -294,9 +296,15 @@ impl Frame {
         groups.map(|group| group.samples.len() as u32).sum()
     }
 
-    /// Time samples of the group that has most.
-    pub fn most_samples_of_a_group(&self) -> usize {
-        self.groups().map(|group| group.samples.len()).max().unwrap_or(1)
+    /// Time samples of a group: all groups have as many.
+    pub fn samples_of_a_group(&self) -> usize {
+        self.groups().next().map_or(1, |group| group.samples.len())
+    }
+
+    /// Whether pixels have several layers of kernels. `filtered`: a filter widens these. A group of several samples has
+    /// one coverage, at all depths together.
+    pub fn has_layers(&self, filtered: bool) -> bool {
+        filtered && self.samples_of_a_group() == 1
     }
 }
 

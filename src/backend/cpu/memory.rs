@@ -32,7 +32,7 @@ impl Budget {
     ) -> Result<Self, BackendError> {
         let sizes = || frame.rasters.iter().map(|raster| raster.area.size);
         let raster = sizes().reduce(|a, b| [a[0].max(b[0]), a[1].max(b[1])]).unwrap_or(frame.size);
-        let samples = frame.most_samples_of_a_group();
+        let samples = frame.samples_of_a_group();
         let tiles = |size: [u32; 2]| size.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
         let [_, tiles_y] = tiles(raster);
         let all_tiles: u64 = sizes().map(tiles).map(|[x, y]| x * y).sum();

@@ -300,7 +300,7 @@ impl Executor<'_> {
         let runner = TileRunner {
             work: &PaintGroup::new(scope),
             chunks: &chunks,
-            passes: PaintPass::order(K::FILTERED && scope.group.samples.len() == 1),
+            passes: PaintPass::order(scope.frame.has_layers(K::FILTERED)),
             splat_bytes: self.budget.splat_bytes,
             at_rest,
             made: own.at_rest,
@@ -359,7 +359,7 @@ impl Executor<'_> {
         let raster = scope.raster.for_see_through(frame.prefilter);
         let channels = scope.channels.with_opacity();
         let work = SeeThroughGroup { scope: Scope { raster: &raster, channels: &channels, ..scope }, opaque };
-        let passes = &LayerPass::order(scope.group.samples.len() == 1);
+        let passes = &LayerPass::order(frame.has_layers(true));
         let splat_bytes = self.budget.splat_bytes;
         TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }.run(
             &mut filtered.binned,

@@ -3,6 +3,8 @@
 //! If the splats fit into the memory allowed, each tile goes through all passes at once. Else passes follow each other,
 //! with the splats in batches.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 use super::bin::{Binned, Tiled};
@@ -11,11 +13,12 @@ use super::job::Job;
 use super::scope::Scope;
 use super::tile_buffers::TileBuffers;
 use super::tiles::TileRect;
+use crate::plan::{BatchPass, TilePass};
 
 /// What a step does, tile by tile.
 pub(in crate::backend) trait TileWork: Sync {
     /// Its passes.
-    type Pass: Copy + Sync;
+    type Pass: TilePass + Sync;
     /// What its passes read.
     type Splat: Tiled + Send + Sync;
     /// What it writes, one for each tile.
@@ -24,11 +27,8 @@ pub(in crate::backend) trait TileWork: Sync {
     /// The group, and the band whose tiles are worked on.
     fn scope(&self) -> &Scope<'_>;
 
-    /// Makes the splats of a chunk, by tile.
+    /// Pass `project`: makes the splats of a chunk, and what they show.
     fn project(&self, chunk: &Chunk, binned: &mut Binned<Self::Splat>);
-
-    /// Whether `pass` reads the splats of a tile's list, and not only what was made of them.
-    fn reads_splats(pass: Self::Pass) -> bool;
 
     /// Runs a pass on a tile, with the splats of one batch.
     fn run(&self, pass: Self::Pass, job: Job<'_, Self::Splat, Self::Out>);
@@ -128,7 +128,7 @@ impl<W: TileWork> TileRunner<'_, W> {
                     },
                 );
                 first = false;
-                if !W::reads_splats(pass) {
+                if !pass.reads_splats() {
                     break;
                 }
                 // On to the next batch; after the last, back to the first for the next pass.
@@ -163,11 +163,24 @@ impl<W: TileWork> TileRunner<'_, W> {
             let end = (done + fit.max(least)).min(chunks.len());
             binned.resize_with(binned.len().max(end), Binned::default);
             let slots = &mut binned[done..end];
-            let project = |(binned, chunk): (&mut _, _)| self.work.project(chunk, binned);
-            slots.par_iter_mut().zip(&chunks[done..end]).for_each(project);
+            slots.par_iter_mut().zip(&chunks[done..end]).for_each(|(binned, chunk)| self.list(chunk, binned));
             used += slots.iter().map(Binned::bytes).sum::<u64>();
             done = end;
         }
         done
+    }
+
+    /// Makes the splats of a chunk, and their lists.
+    fn list(&self, chunk: &Chunk, binned: &mut Binned<W::Splat>) {
+        for pass in BatchPass::ORDER {
+            match pass {
+                BatchPass::Project => self.work.project(chunk, binned),
+                BatchPass::Bin => {
+                    let start = Instant::now();
+                    binned.bin();
+                    self.work.scope().clocks.bin.add(start);
+                }
+            }
+        }
     }
 }

@@ -11,7 +11,7 @@ use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::timestamps::{Marks, Stage};
 use crate::frame::{PosedGroup, Position, Raster};
-use crate::plan::PosedInterval;
+use crate::plan::{BatchPass, PosedInterval, TilePass};
 
 /// One sample position in one band.
 #[derive(Clone, Copy)]
@@ -91,16 +91,13 @@ impl<'a> JobPlace<'a> {
 /// What a step records, pass by pass.
 pub(in crate::backend) trait StepWork {
     /// Its passes.
-    type Pass: Copy;
+    type Pass: TilePass;
 
     /// The group.
     fn job(&self) -> &Job<'_>;
 
     /// The programs that make what its passes read.
     fn lists(&self) -> &ListPrograms;
-
-    /// True if `pass` reads the lists of a batch, and not only the thresholds or sums that were made from them.
-    fn reads_splats(pass: Self::Pass) -> bool;
 
     /// The stage that the time of `pass` counts for.
     fn stage(pass: Self::Pass) -> Stage;
@@ -121,7 +118,7 @@ impl DeviceState {
         let mut encoder = self.encoder();
         let mut at_hand = None;
         for &pass in passes {
-            if !W::reads_splats(pass) {
+            if !pass.reads_splats() {
                 Self::record(&mut encoder, work, pass, first, 0, marks);
                 continue;
             }
@@ -207,7 +204,7 @@ impl DeviceState {
         work.record(&mut recorder, pass, batch, view_offset(number));
     }
 
-    /// Records `project` and `bin` of one batch, whose view is `number`.
+    /// Records the passes that make the splats of one batch, and their lists. Its view is `number`.
     fn make_lists<W: StepWork>(
         &self,
         encoder: &mut CommandEncoder,
@@ -216,8 +213,12 @@ impl DeviceState {
         number: usize,
         marks: &mut Marks,
     ) {
-        Self::project(encoder, work, batch, number, marks);
-        self.bin(encoder, work, batch, number, marks);
+        for pass in BatchPass::ORDER {
+            match pass {
+                BatchPass::Project => Self::project(encoder, work, batch, number, marks),
+                BatchPass::Bin => self.bin(encoder, work, batch, number, marks),
+            }
+        }
     }
 
     /// Records pass `project` of one batch, or `sweep`.

@@ -122,8 +122,8 @@ impl DeviceChannels {
 
     /// `layers`: those of groups of one sample.
     fn with(frame: &Frame, shared: Channels, layers: usize) -> Self {
-        let several = frame.most_samples_of_a_group() > 1;
-        let layered = layers > 1 && !several;
+        let several = frame.samples_of_a_group() > 1;
+        let layered = frame.has_layers(layers > 1);
         // The weight and depth are no values of a splat.
         let values = shared.count - 1 - usize::from(shared.depth.is_some());
         let tolerance = (frame.keeps_nearest && frame.swept.is_some()).then_some(values);
@@ -337,7 +337,7 @@ impl Schedule {
         };
         let map_tiles = map_of(band_rows.iter().copied().max().unwrap_or(0));
         let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES;
-        let samples = frame.most_samples_of_a_group() as u64;
+        let samples = frame.samples_of_a_group() as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         let bound = most_bytes / splat_bytes.max(4 * values);
         let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);

@@ -76,10 +76,6 @@ impl StepWork for PaintStep<'_> {
         &self.programs.lists
     }
 
-    fn reads_splats(pass: PaintPass) -> bool {
-        pass != PaintPass::Resolve
-    }
-
     fn stage(pass: PaintPass) -> Stage {
         match pass {
             PaintPass::Visibility | PaintPass::Second => Stage::Visibility,

@@ -54,7 +54,7 @@ impl DeviceState {
                     self.clear_opaque(place);
                     let job = place.paint_job(group, false);
                     let SurfelPrograms::Paint(programs) = &place.programs.surfels else { return Err(self.unbound()) };
-                    let passes = PaintPass::order(programs.second.is_some());
+                    let passes = PaintPass::order(place.prepared.channels.is_layered());
                     has_opaque = self.run(&PaintStep { job, programs }, passes, marks);
                 }
                 Step::Peel { group } => has_layers = self.see_through(place, group, has_opaque, marks),

@@ -51,7 +51,7 @@ impl DeviceState {
         let job = Job { has_opaque, ..place.paint_job(group, true) };
         let in_one_batch = place.batches(&job).len() == 1;
         let step = SeeThroughStep { job, programs, in_one_batch };
-        self.run(&step, &LayerPass::order(programs.paint.second.is_some()), marks)
+        self.run(&step, &LayerPass::order(place.prepared.frame.has_layers(true)), marks)
     }
 }
 
@@ -72,10 +72,6 @@ impl StepWork for SeeThroughStep<'_> {
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.paint.lists
-    }
-
-    fn reads_splats(pass: LayerPass) -> bool {
-        matches!(pass, LayerPass::Visibility(_) | LayerPass::Attribute(_))
     }
 
     fn stage(pass: LayerPass) -> Stage {

@@ -26,10 +26,6 @@ impl StepWork for SweepStep<'_> {
         &self.programs.lists
     }
 
-    fn reads_splats(pass: SweepPass) -> bool {
-        pass != SweepPass::Resolve
-    }
-
     fn stage(pass: SweepPass) -> Stage {
         match pass {
             SweepPass::Visibility => Stage::Visibility,
@@ -68,10 +64,6 @@ impl StepWork for MapStep<'_> {
         &self.programs.lists
     }
 
-    fn reads_splats(pass: MapPass) -> bool {
-        pass != MapPass::Store
-    }
-
     fn stage(_pass: MapPass) -> Stage {
         Stage::Visibility
     }
@@ -100,10 +92,6 @@ impl StepWork for PublishedSweepStep<'_> {
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.lists
-    }
-
-    fn reads_splats(pass: PublishedSweepPass) -> bool {
-        pass != PublishedSweepPass::Resolve
     }
 
     fn stage(pass: PublishedSweepPass) -> Stage {

@@ -1,7 +1,8 @@
 //! Step `Composite`: its programs, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
 //!
-//! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through
-//! `gather`, `bin` and `composite`, the nearest first; a slab has as many splats as a batch may have slots.
+//! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through `bin`,
+//! which begins with program `gather`, and `composite`, the nearest first; a slab has as many splats as a batch may
+//! have slots.
 //!
 //! All Gaussians of a sample are on the device, 68 bytes each; a binding must hold their splats, else the frame is
 //! refused. Static captures are projected and sorted anew at each sample.
@@ -28,7 +29,7 @@ use crate::backend::BackendError;
 use crate::film::{Aov, Blending};
 use crate::frame::{Frame, PosedGroup};
 use crate::math::srgb;
-use crate::plan::CompositePass;
+use crate::plan::{CompositePass, SlabPass};
 
 /// Variance by which the filter widens a Gaussian, pixels^2 of the image (Kerbl et al. 2023, their program).
 const DILATION: f32 = 0.3;
@@ -181,11 +182,15 @@ impl<'a> TransparentStep<'a> {
                     CompositePass::Project => self.project(&mut encoder, 1, marks),
                     CompositePass::Composite => {
                         // Lists of a slab are composited before those of the next are made.
-                        for (number, slab) in slabs.iter().enumerate() {
-                            self.list(state, &mut encoder, slab, number + 1, marks);
-                            self.composite(&mut encoder, number + 1, marks);
+                        for (number, slab) in (1..).zip(&slabs) {
+                            self.list(state, &mut encoder, slab, number, marks);
+                            for pass in SlabPass::order(number == slabs.len()) {
+                                match pass {
+                                    SlabPass::Composite => self.composite(&mut encoder, number, marks),
+                                    SlabPass::Resolve => self.resolve(&mut encoder, marks),
+                                }
+                            }
                         }
-                        self.resolve(&mut encoder, marks);
                     }
                 }
             }
@@ -268,7 +273,7 @@ impl<'a> TransparentStep<'a> {
         encoder.copy_buffer_to_buffer(&b.lists[0], 0, &b.order, 0, 4 * u64::from(self.slots));
     }
 
-    /// Records pass `list` of a slab, whose view is `number`.
+    /// Records pass `bin` of a slab, whose view is `number`: gathers its splats in the order of depth, and lists them.
     pub(in crate::backend) fn list(
         &self,
         state: &DeviceState,

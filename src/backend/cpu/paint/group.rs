@@ -66,14 +66,13 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
         self.scope.group.samples.len()
     }
 
-    /// Passes `project` and `bin` of one chunk, and the values of its splats.
+    /// Pass `project` of one chunk, and the values of its splats.
     pub(in crate::backend) fn project(&self, chunk: &Chunk, binned: &mut Binned<K>) {
         let scope = &self.scope;
         let surfels = &scope.frame.objects[chunk.object].surfels;
         scope.timed(binned, |binned| {
             binned.splats.clear();
             K::project(&scope.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
-            binned.bin();
             scope.add_values(chunk, binned);
         });
     }
@@ -86,8 +85,8 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
             job.buffers.paint.floor.clear();
             job.buffers.paint.moves = false;
         }
-        // Nobody asks for tolerances where a group has several samples.
-        let tolerances = K::FILTERED && self.samples() == 1 && self.tolerance_of_all().is_none();
+        // Nobody asks for tolerances where pixels have one layer.
+        let tolerances = self.scope.frame.has_layers(K::FILTERED) && self.tolerance_of_all().is_none();
         let (rect, _) = with_apron(&job.tile, self.apron(), self.scope.raster.size);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
@@ -186,10 +185,6 @@ impl<'a, K: Kernel> TileWork for PaintGroup<'a, K> {
 
     fn project(&self, chunk: &Chunk, binned: &mut Binned<K>) {
         self.project(chunk, binned);
-    }
-
-    fn reads_splats(pass: PaintPass) -> bool {
-        pass != PaintPass::Resolve
     }
 
     fn run(&self, pass: PaintPass, mut job: Job<'_, K, Painted<'a>>) {

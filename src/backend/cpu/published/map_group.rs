@@ -31,12 +31,7 @@ impl TileWork for MapGroup<'_> {
             let surfels = &self.scope.frame.objects[chunk.object].surfels;
             binned.splats.clear();
             Splat::project(&self.scope.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
-            binned.bin();
         });
-    }
-
-    fn reads_splats(pass: MapPass) -> bool {
-        pass != MapPass::Store
     }
 
     fn run(&self, pass: MapPass, job: Job<'_, Splat, MapTile>) {

@@ -90,13 +90,8 @@ impl TileWork for PublishedSweepGroup<'_> {
             filters.clear();
             let view = SurfelView { low_pass: self.scope.low_pass() > 0.0, ..self.scope.view(chunk) };
             project::project_published(&view, surfels, chunk.surfels.clone(), splats);
-            binned.bin();
             self.scope.add_values(chunk, binned);
         });
-    }
-
-    fn reads_splats(pass: PublishedSweepPass) -> bool {
-        pass != PublishedSweepPass::Resolve
     }
 
     fn run(&self, pass: PublishedSweepPass, mut job: Job<'_, SweptSplat, TileFilm>) {

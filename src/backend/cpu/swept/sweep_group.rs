@@ -102,13 +102,8 @@ impl TileWork for SweepGroup<'_> {
             filters.clear();
             let view = self.scope.view(chunk);
             project::project(&view, self.ellipsoid(), surfels, chunk.surfels.clone(), splats, filters);
-            binned.bin();
             self.scope.add_values(chunk, binned);
         });
-    }
-
-    fn reads_splats(pass: SweepPass) -> bool {
-        pass != SweepPass::Resolve
     }
 
     fn run(&self, pass: SweepPass, mut job: Job<'_, SweptSplat, TileFilm>) {

@@ -31,9 +31,10 @@ use self::sorted::{CHUNK, Listed, Lists, Order, Walk, lists};
 use self::view::GaussianView;
 use super::resolve::TileFilm;
 use super::scope::Scope;
+use super::tiles::TileRect;
 use crate::film::{Aov, Blending};
 use crate::frame::PosedRaster;
-use crate::plan::{CompositePass, LAYERS};
+use crate::plan::{CompositePass, LAYERS, SlabPass};
 
 /// What later steps and later frames use again.
 #[derive(Debug, Default)]
@@ -147,8 +148,8 @@ impl TransparentGroup<'_> {
                             pairs.for_each(|(own, middle)| own.layers_of(middle));
                         }
                         CompositePass::Composite => {
-                            let pass = Pass { first: number == 0, last: number + 1 == slabs.len(), sample };
-                            self.composite(pass, &order, fixed, memory, film);
+                            let at = SlabAt { first: number == 0, last: number + 1 == slabs.len(), sample };
+                            self.composite(at, &order, fixed, memory, film);
                         }
                     }
                 }
@@ -156,10 +157,10 @@ impl TransparentGroup<'_> {
         }
     }
 
-    /// Pass `composite` of one slab.
+    /// Pass `composite` of one slab: its lists, then its tiles.
     fn composite(
         &self,
-        pass: Pass,
+        at: SlabAt,
         order_of_moving: &Order,
         fixed: &mut Fixed,
         memory: &mut TransparentMemory,
@@ -170,10 +171,10 @@ impl TransparentGroup<'_> {
         let Fixed { chunks, order, lists, films, .. } = fixed;
         let sets = [Listed { chunks, order, lists }, moving];
         let surfels = OfSurfels { opaque: &memory.opaque, layers: &memory.layers };
-        if pass.first && pass.last {
-            self.tiles_at_once(sets, pass, surfels, films, film);
+        if at.first && at.last {
+            self.tiles_at_once(sets, at, surfels, films, film);
         } else {
-            self.tiles_of_slab(sets, pass, surfels, &mut memory.composites, film);
+            self.tiles_of_slab(sets, at, surfels, &mut memory.composites, film);
         }
     }
 
@@ -267,7 +268,7 @@ impl TransparentGroup<'_> {
         order
     }
 
-    /// Pass `list`.
+    /// Pass `bin`.
     fn list(&self, projected: &[Projected], order: &Order) -> Vec<Lists> {
         let start = Instant::now();
         let lists = lists(projected, order, &self.scope.band);
@@ -279,12 +280,12 @@ impl TransparentGroup<'_> {
     fn tiles_at_once(
         &self,
         sets: [Listed<'_>; 2],
-        pass: Pass,
+        at: SlabAt,
         surfels: OfSurfels<'_>,
         films: &mut Vec<TileFilm>,
         out: &mut [TileFilm],
     ) {
-        let weight = self.scope.group.samples[pass.sample].weight;
+        let weight = self.scope.group.samples[at.sample].weight;
         // A film of a tile is worth keeping where it will be shown again.
         let shared = self.offsets[0] == self.offsets[1];
         films.resize_with(out.len(), TileFilm::default);
@@ -293,10 +294,10 @@ impl TransparentGroup<'_> {
             let surfels = surfels.tile(index);
             let alone = !sets[1].reaches(index) && surfels.is_empty();
             if !(shared && alone) {
-                return self.tile(sets, pass, weight, index, surfels, composite, out);
+                return self.tile(sets, at, weight, index, surfels, composite, out);
             }
             if film.values.is_empty() {
-                self.tile(sets, pass, 1.0, index, surfels, composite, film);
+                self.tile(sets, at, 1.0, index, surfels, composite, film);
             }
             out.values.resize(film.values.len().max(out.values.len()), 0.0);
             out.values.iter_mut().zip(&film.values).for_each(|(out, value)| *out += weight * value);
@@ -307,15 +308,15 @@ impl TransparentGroup<'_> {
     fn tiles_of_slab(
         &self,
         sets: [Listed<'_>; 2],
-        pass: Pass,
+        at: SlabAt,
         surfels: OfSurfels<'_>,
         composites: &mut Vec<Composite>,
         out: &mut [TileFilm],
     ) {
-        let weight = self.scope.group.samples[pass.sample].weight;
+        let weight = self.scope.group.samples[at.sample].weight;
         composites.resize_with(out.len().max(composites.len()), Composite::default);
         out.par_iter_mut().zip(composites).enumerate().for_each(|(index, (out, composite))| {
-            self.tile(sets, pass, weight, index, surfels.tile(index), composite, out);
+            self.tile(sets, at, weight, index, surfels.tile(index), composite, out);
         });
     }
 
@@ -324,7 +325,7 @@ impl TransparentGroup<'_> {
     fn tile(
         &self,
         sets: [Listed<'_>; 2],
-        pass: Pass,
+        at: SlabAt,
         weight: f32,
         index: usize,
         TileSurfels { opaque, layers }: TileSurfels<'_>,
@@ -337,19 +338,58 @@ impl TransparentGroup<'_> {
         if frame.wanted.as_ref().is_some_and(|blocks| !blocks.touch(scope.raster.first, tile.bounds())) {
             return;
         }
-        let start = Instant::now();
+        let any = sets.map(|set| set.reaches(index));
+        let seen = any.contains(&true) || !opaque.values.is_empty() || !layers.is_empty() || !at.first;
+        if at.last && !seen {
+            return;
+        }
         let coded = frame.blending == Some(Blending::Coded);
         let surfels = SurfelLayers { layers, threshold: &opaque.threshold, planes: scope.planes, coded };
-        if pass.first {
-            let (depth, velocity) = (scope.planes.depth.is_some(), self.velocity());
-            out.start(&TileContent { depth, velocity, volumes: self.scope.frame.has_volumes(), surfels }, &tile);
+        for pass in SlabPass::order(at.last) {
+            let start = Instant::now();
+            match pass {
+                SlabPass::Composite => {
+                    self.composite_tile(sets, any, at, &tile, index, surfels, out);
+                    scope.clocks.composite.add(start);
+                }
+                SlabPass::Resolve => {
+                    let over = Over {
+                        opaque,
+                        scale: scope.scale(),
+                        weight,
+                        blending: frame.blending.unwrap_or(Blending::Linear),
+                        background: frame.background,
+                        planes: scope.planes,
+                    };
+                    resolve(&over, out, &tile, film);
+                    scope.clocks.resolve.add(start);
+                }
+            }
         }
-        let place = SampledTile { tile: &tile, offset: scope.raster.offset, rising: !self.several(), surfels };
-        let any = sets.map(|set| set.reaches(index));
-        let mut walks = sets.map(|set| set.walk(&tile, index));
+    }
+
+    /// Pass `composite` of one tile. `any`: the sets that reach it.
+    #[allow(clippy::too_many_arguments, reason = "called in one place of this file")]
+    fn composite_tile(
+        &self,
+        sets: [Listed<'_>; 2],
+        any: [bool; 2],
+        at: SlabAt,
+        tile: &TileRect,
+        index: usize,
+        surfels: SurfelLayers<'_>,
+        out: &mut Composite,
+    ) {
+        let scope = &self.scope;
+        if at.first {
+            let (depth, velocity) = (scope.planes.depth.is_some(), self.velocity());
+            out.start(&TileContent { depth, velocity, volumes: scope.frame.has_volumes(), surfels }, tile);
+        }
+        let place = SampledTile { tile, offset: scope.raster.offset, rising: !self.several(), surfels };
+        let mut walks = sets.map(|set| set.walk(tile, index));
         let mut batch = SplatBatch::default();
         loop {
-            let wants = |bounds| out.is_open(bounds, &tile);
+            let wants = |bounds| out.is_open(bounds, tile);
             let more = match any {
                 [true, false] => walks[0].take(&mut batch, out.closed == 0, wants),
                 [false, true] => walks[1].take(&mut batch, out.closed == 0, wants),
@@ -366,24 +406,8 @@ impl TransparentGroup<'_> {
                 break;
             }
         }
-        if pass.last {
-            out.finish(&surfels, &tile);
-        }
-        let any = any.contains(&true);
-        scope.clocks.composite.add(start);
-        let seen = any || !opaque.values.is_empty() || !layers.is_empty() || !pass.first;
-        if pass.last && seen {
-            let start = Instant::now();
-            let over = Over {
-                opaque,
-                scale: scope.scale(),
-                weight,
-                blending: frame.blending.unwrap_or(Blending::Linear),
-                background: frame.background,
-                planes: scope.planes,
-            };
-            resolve(&over, out, &tile, film);
-            scope.clocks.resolve.add(start);
+        if at.last {
+            out.finish(&surfels, tile);
         }
     }
 }
@@ -414,9 +438,9 @@ impl TileSurfels<'_> {
     }
 }
 
-/// Where a walk over the tiles stands.
+/// A slab of depth at a sample.
 #[derive(Clone, Copy)]
-struct Pass {
+struct SlabAt {
     /// Is it the first slab of depth?
     first: bool,
     /// Is it the last?

@@ -56,10 +56,6 @@ impl TileWork for SeeThroughGroup<'_> {
         self.paint().project(chunk, binned);
     }
 
-    fn reads_splats(pass: LayerPass) -> bool {
-        matches!(pass, LayerPass::Visibility(_) | LayerPass::Attribute(_))
-    }
-
     fn run(&self, pass: LayerPass, mut job: Job<'_, EwaSplat, Vec<TileFilm>>) {
         if pass != LayerPass::Start && !job.buffers.peel.live {
             return;
@@ -116,7 +112,7 @@ impl SeeThroughGroup<'_> {
             std::mem::swap(&mut buffers.threshold, &mut buffers.floor);
             buffers.clear_depths(true, false);
         }
-        let tolerances = scope.group.samples.len() == 1 && self.paint().tolerance_of_all().is_none();
+        let tolerances = scope.frame.has_layers(true) && self.paint().tolerance_of_all().is_none();
         let (rect, _) = with_apron(&job.tile, scope.raster.apron(), scope.raster.size);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
