@@ -4,12 +4,12 @@
 const SLACK: f32 = 1e-3;
 const SLACK_SHARE: f32 = 1e-5;
 
-// Ends of the ellipse along one axis relative to the projected centre, widened to the low-pass disc (docs/math.md, eq.
-// 3). 1 / d22 comes first, as products of lengths may be too large for a number.
-fn extent(d00: f32, d02: f32, inverse22: f32, low_pass: f32) -> vec2<f32> {
+// Ends of the ellipse along one axis relative to the projected centre, widened to a disc of radius `disc` around it
+// (docs/math.md, eq. 3). 1 / d22 comes first, as products of lengths may be too large for a number.
+fn extent(d00: f32, d02: f32, inverse22: f32, disc: f32) -> vec2<f32> {
     let middle = d02 * inverse22;
     let half = sqrt(max(middle * middle - d00 * inverse22, 0.0));
-    return vec2<f32>(min(middle - half, -low_pass), max(middle + half, low_pass));
+    return vec2<f32>(min(middle - half, -disc), max(middle + half, disc));
 }
 
 // The range about `reference` in pixel indices, with a margin.

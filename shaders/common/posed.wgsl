@@ -93,13 +93,13 @@ fn posed(index: u32, margin: f32) -> Posed {
     }
     let over_area = 1.0 / area;
     if !finite(over_area) { return out; }
-    let low_pass = select(0.0, view.low_pass, depth >= view.near);
+    let disc = centre_disc(depth);
     let inverse22 = 1.0 / d22;
     var reference = view.axis + vec2<f32>(x, y) - view.offset;
     if reads_out() { reference += lands.shift; }
     let wider = vec2<f32>(-margin, margin);
-    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, inverse22, low_pass) + wider;
-    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, inverse22, low_pass) + wider;
+    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, inverse22, disc) + wider;
+    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, inverse22, disc) + wider;
     let across = pixels_in(index_range(reference.x, columns), view.pixels.xy);
     let down = pixels_in(index_range(reference.y, rows), view.pixels.zw);
     if !(across.x <= across.y && down.x <= down.y) { return out; }

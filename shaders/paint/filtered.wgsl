@@ -20,6 +20,11 @@ fn peak_of(splat: Kernel) -> f32 {
     return splat.peak;
 }
 
+// Radius of the disc around the centre that bounds hold, too: none.
+fn centre_disc(depth: f32) -> f32 {
+    return 0.0;
+}
+
 fn form(c: vec2<f32>, at: Hit) -> vec4<f32> {
     return c.x * at.x + c.y * at.y;
 }

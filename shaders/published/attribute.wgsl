@@ -16,6 +16,15 @@ override SOURCE_SAMPLES: u32 = 1u;
 // A pixel number that is as good as infinite.
 const FAR: f32 = 1e6;
 
+// The coverage mask of a pixel.
+struct Mask {
+    // When kernels cover, and when low-pass discs do.
+    surface: u32,
+    low_pass: u32,
+    // A sum of weights.
+    loose: f32,
+}
+
 @compute @workgroup_size(16, 16)
 fn published_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
     let index = tile.y * view.tiles.x + tile.x;
@@ -24,26 +33,27 @@ fn published_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_in
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
     let mask_at = 3u * index * TILE_PIXELS + at;
     var sum: Sums;
+    var mask: Mask;
     if view.resumes != 0u {
         sum = load_sums(sum_at);
-        sum.surface = coverage_mask[mask_at];
-        sum.low_pass = coverage_mask[mask_at + TILE_PIXELS];
-        sum.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
+        mask.surface = coverage_mask[mask_at];
+        mask.low_pass = coverage_mask[mask_at + TILE_PIXELS];
+        mask.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
     }
 
     var walk = walk_of(index);
     while has_next(walk) {
-        add_splat(&sum, next_slot(&walk), pixel);
+        add_splat(&sum, &mask, next_slot(&walk), pixel);
     }
 
     store_sums(sum_at, sum);
-    coverage_mask[mask_at] = sum.surface;
-    coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
-    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
+    coverage_mask[mask_at] = mask.surface;
+    coverage_mask[mask_at + TILE_PIXELS] = mask.low_pass;
+    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(mask.loose);
 }
 
 // Adds a kernel to the sums.
-fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
+fn add_splat(sum: ptr<function, Sums>, mask: ptr<function, Mask>, slot: u32, pixel: vec2<u32>) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
     let at = vec2<f32>(pixel);
@@ -55,10 +65,10 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
         if !met.covers { continue; }
         // A hidden kernel loses its weight but covers all the same, as something before it does.
         let shown = met.source_depth <= limit_at(met.source);
-        if !SUM { (*sum).surface |= met.surface; }
+        if !SUM { (*mask).surface |= met.surface; }
         if shown {
-            (*sum).loose += met.loose;
-            if !SUM { (*sum).low_pass |= met.low_pass; }
+            (*mask).loose += met.loose;
+            if !SUM { (*mask).low_pass |= met.low_pass; }
         }
         add_values(sum, slot, met.weight * select(HIDDEN, 1.0, shown), met.depth);
     }

@@ -2,6 +2,11 @@
 // screen, which makes no layers.
 // Twin: src/backend/cpu/published/low_pass.rs.  Math: docs/math.md, eq. 10.
 
+// Radius of the disc around the centre that bounds hold, too: a centre nearer than `near` has none.
+fn centre_disc(depth: f32) -> f32 {
+    return select(0.0, view.low_pass, depth >= view.near);
+}
+
 fn see(splat: Kernel, column: u32, row: u32) -> Seen {
     let at = hit(splat, column, row);
     let plane_depth = 1.0 / at.inverse_depth;

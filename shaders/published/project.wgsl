@@ -1,6 +1,6 @@
 // Pass `project` of published kernels in motion (program `published_sweep`): makes kernels of surfels over an
 // interval; projects, bounds and culls them. What it reads and writes: common/moving.wgsl.
-// Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md, section 7.
+// Twin: src/backend/cpu/published/project.rs.  Math: docs/math.md, section 7.
 // One invocation per surfel.
 
 @compute @workgroup_size(256)

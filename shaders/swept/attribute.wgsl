@@ -17,6 +17,16 @@ override BY_ELLIPSOID: bool = false;
 // The planes of the coverage mask.
 const MASKS: u32 = 5u;
 
+// The coverage mask of a pixel.
+struct Mask {
+    // When discs cover, and when filtered kernels do.
+    surface: u32,
+    filtered: u32,
+    // Sums of weights: of all, then times peak and with the sign of the side.
+    loose: f32,
+    peak_and_side: vec2<f32>,
+}
+
 @compute @workgroup_size(16, 16)
 fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
     let index = tile.y * view.tiles.x + tile.x;
@@ -25,28 +35,28 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
     let mask_at = MASKS * index * TILE_PIXELS + at;
     var sum: Sums;
-    var peak_and_side = vec2<f32>(0.0);
+    var mask: Mask;
     if view.resumes != 0u {
         sum = load_sums(sum_at);
-        sum.surface = coverage_mask[mask_at];
-        sum.low_pass = coverage_mask[mask_at + TILE_PIXELS];
-        sum.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
-        peak_and_side.x = bitcast<f32>(coverage_mask[mask_at + 3u * TILE_PIXELS]);
-        peak_and_side.y = bitcast<f32>(coverage_mask[mask_at + 4u * TILE_PIXELS]);
+        mask.surface = coverage_mask[mask_at];
+        mask.filtered = coverage_mask[mask_at + TILE_PIXELS];
+        mask.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
+        mask.peak_and_side.x = bitcast<f32>(coverage_mask[mask_at + 3u * TILE_PIXELS]);
+        mask.peak_and_side.y = bitcast<f32>(coverage_mask[mask_at + 4u * TILE_PIXELS]);
     }
 
     var walk = walk_of(index);
     let place = SlicePlaces(slices_of(index, at), nearest_of(index, at));
     while has_next(walk) {
-        add_filtered(&sum, &peak_and_side, next_slot(&walk), pixel, place);
+        add_filtered(&sum, &mask, next_slot(&walk), pixel, place);
     }
 
     store_sums(sum_at, sum);
-    coverage_mask[mask_at] = sum.surface;
-    coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
-    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
-    coverage_mask[mask_at + 3u * TILE_PIXELS] = bitcast<u32>(peak_and_side.x);
-    coverage_mask[mask_at + 4u * TILE_PIXELS] = bitcast<u32>(peak_and_side.y);
+    coverage_mask[mask_at] = mask.surface;
+    coverage_mask[mask_at + TILE_PIXELS] = mask.filtered;
+    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(mask.loose);
+    coverage_mask[mask_at + 3u * TILE_PIXELS] = bitcast<u32>(mask.peak_and_side.x);
+    coverage_mask[mask_at + 4u * TILE_PIXELS] = bitcast<u32>(mask.peak_and_side.y);
 }
 
 // Places in `map` of the first slice of a pixel: of its thresholds and of its least depths.
@@ -58,7 +68,7 @@ struct SlicePlaces {
 // Adds a kernel to the sums.
 fn add_filtered(
     sum: ptr<function, Sums>,
-    peak_and_side: ptr<function, vec2<f32>>,
+    mask: ptr<function, Mask>,
     slot: u32,
     pixel: vec2<u32>,
     slices: SlicePlaces,
@@ -137,12 +147,12 @@ fn add_filtered(
         add_values(sum, slot, coverage * in_tube * HIDDEN, met.depth);
     }
     if !SUM {
-        if disc_met { (*sum).surface |= moments_in(disc_span); }
-        (*sum).low_pass |= moments_in(tube_span);
+        if disc_met { (*mask).surface |= moments_in(disc_span); }
+        (*mask).filtered |= moments_in(tube_span);
     }
-    (*sum).loose += loose;
+    (*mask).loose += loose;
     let side = select(1.0, -1.0, (splat.flags & FLAG_BACK) != 0u);
-    *peak_and_side += loose * vec2<f32>(f.peak, side);
+    (*mask).peak_and_side += loose * vec2<f32>(f.peak, side);
 }
 
 // When a filtered kernel covers, and the depth of its disc's plane.

@@ -1,6 +1,6 @@
 // Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
-// are normalised once.
-// Twins: src/backend/cpu/swept/resolve.rs, published/coverage.rs.  Math: docs/math.md, eq. 18, 19 and 20b.
+// are normalised once. `coverage` is in swept/coverage.wgsl, or in published/coverage.wgsl.
+// Twin: src/backend/cpu/swept/resolve.rs.
 //   in   sums, lights
 //        coverage_mask   of each pixel
 //        moments         share of the exposure of each 32nd of the interval
@@ -16,57 +16,6 @@
 override SUM: bool = false;
 // Plane of the sum of weights. It is the plane of alpha where there is none.
 override WEIGHT_PLANE: u32 = 3u;
-
-// If true, kernels weigh as published.
-override PUBLISHED: bool = false;
-
-// By how much sums of weights on a surface may be off from 1, over the square of the mean peak of the kernels.
-const NOISE: f32 = 2.0;
-
-// The share of the exposure in which a pixel is covered, where it is no sum. `at`: the first of the pixel's masks.
-fn coverage_of_masks(at: u32) -> f32 {
-    let surface = coverage_mask[at];
-    let either = surface | coverage_mask[at + TILE_PIXELS];
-    let sum = bitcast<f32>(coverage_mask[at + 2u * TILE_PIXELS]);
-    let peak = bitcast<f32>(coverage_mask[at + 3u * TILE_PIXELS]);
-    let side = bitcast<f32>(coverage_mask[at + 4u * TILE_PIXELS]);
-    var by_discs = 0.0;
-    var most = 0.0;
-    for (var i = 0u; i < 32u; i += 1u) {
-        by_discs += select(0.0, moments[i], ((surface >> i) & 1u) != 0u);
-        most += select(0.0, moments[i], ((either >> i) & 1u) != 0u);
-    }
-    if surface == 0xffffffffu { by_discs = view.weight; }
-    if either == 0xffffffffu { most = view.weight; }
-    let large = select(1.0, peak / sum, sum > 0.0);
-    let hard = 1.0 - (1.0 - large) * (1.0 - large);
-    // A thin two-sided sheet counts with the larger of its sides' sums.
-    let weight = view.weight * (0.5 * (sum + abs(side)));
-    // The time for which discs cover, as far as the weights may be off by noise.
-    let noise = 1.0 + NOISE * (large * large);
-    let soft = min(max(min(by_discs, weight * noise), weight / noise), most);
-    return hard * by_discs + (1.0 - hard) * soft;
-}
-
-// The share of the exposure in which a pixel is covered.
-fn coverage(index: u32, in_tile: u32) -> f32 {
-    let at = select(5u, 3u, PUBLISHED) * index * TILE_PIXELS + in_tile;
-    if !PUBLISHED && !SUM { return coverage_of_masks(at); }
-    var loose = view.weight * bitcast<f32>(coverage_mask[at + 2u * TILE_PIXELS]);
-    if SUM { return loose; }
-    let surface = coverage_mask[at];
-    if surface == 0xffffffffu { return view.weight; }
-    let others = coverage_mask[at + TILE_PIXELS] & ~surface;
-    var covers = 0.0;
-    var reached = 0.0;
-    for (var i = 0u; i < 32u; i += 1u) {
-        covers += select(0.0, moments[i], ((surface >> i) & 1u) != 0u);
-        reached += select(0.0, moments[i], ((others >> i) & 1u) != 0u);
-    }
-    // At times when only low-pass discs cover the pixel, the sum of their weights is the coverage, up to the length of
-    // those times.
-    return covers + min(loose, reached);
-}
 
 @compute @workgroup_size(16, 16)
 fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {

@@ -24,12 +24,9 @@ struct Sums {
     normal: vec3<f32>,
     depth: f32,
     velocity: vec2<f32>,
-    surface: u32,
-    low_pass: u32,
-    loose: f32,
 }
 
-// The sums of the pixel whose first is at `sum_at`, without when kernels cover.
+// The sums of the pixel whose first is at `sum_at`.
 fn load_sums(sum_at: u32) -> Sums {
     var sum: Sums;
     sum.weight = sums[sum_at];

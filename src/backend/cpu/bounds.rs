@@ -6,16 +6,16 @@ use glam::Vec3;
 pub(in crate::backend) const SLACK: f32 = 1e-3;
 pub(in crate::backend) const SLACK_SHARE: f32 = 1e-5;
 
-/// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc: the roots of
-/// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0. `inverse22`: 1 / d22. It comes first, as products of lengths may be too
-/// large for a number.
+/// Ends of the ellipse along one axis, relative to the projected centre and widened to a disc of radius `disc` around
+/// it: the roots of d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0. `inverse22`: 1 / d22. It comes first, as products of
+/// lengths may be too large for a number.
 #[inline(always)]
-pub(super) fn extent(d00: f32, d02: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
+pub(super) fn extent(d00: f32, d02: f32, inverse22: f32, disc: f32) -> (f32, f32) {
     let middle = d02 * inverse22;
     let square = middle * middle - d00 * inverse22;
     let half = (if square > 0.0 { square } else { 0.0 }).sqrt();
     let (low, high) = (middle - half, middle + half);
-    (if low < -low_pass { low } else { -low_pass }, if high > low_pass { high } else { low_pass })
+    (if low < -disc { low } else { -disc }, if high > disc { high } else { disc })
 }
 
 /// Pixel indices of [low, high] about `reference`, with slack and not rounded.

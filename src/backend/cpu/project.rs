@@ -38,8 +38,8 @@ pub(in crate::backend) struct SurfelView<'a> {
     /// Blocks of those pixels that are wanted; `None`: all.
     pub wanted: Option<&'a Blocks>,
     pub near: f32,
-    /// With the low-pass disc?
-    pub low_pass: bool,
+    /// Radius of a disc around each centre beyond `near` that bounds hold, too, pixels; +0 without.
+    pub centre_disc: f32,
     /// Pixels by which bounds are wider than what a splat touches.
     pub margin: f32,
     pub two_sided: bool,
@@ -87,7 +87,7 @@ pub(in crate::backend) struct Projected {
     /// Axes u and v (x, y, depth).
     pub u: [f32; 3],
     pub v: [f32; 3],
-    /// Left and right end of the disc with its low-pass disc, then top and bottom: pixels.
+    /// Left and right end of the bounds, then top and bottom: pixels.
     pub ends: [(f32, f32); 2],
 }
 
@@ -436,7 +436,7 @@ fn project_lane<const AXIS: usize>(
     let d22 = depth_extent2 - depth * depth;
     let behind = depth + depth_extent2.sqrt() < view.near;
     let crossing = (depth <= 0.0) | (d22 > -1e-3 * depth * depth);
-    let low_pass = if view.low_pass & (depth >= view.near) { view.raster.low_pass } else { 0.0 };
+    let disc = if depth >= view.near { view.centre_disc } else { 0.0 };
     let inverse22 = 1.0 / d22;
     let mut reference_x = view.raster.axis[0] + x - view.raster.offset[0];
     let mut reference_y = view.raster.axis[1] + y - view.raster.offset[1];
@@ -445,8 +445,8 @@ fn project_lane<const AXIS: usize>(
         reference_y += shift[1];
     }
     let PixelRect { first_column, last_column, first_row, last_row } = view.pixels;
-    let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, inverse22, low_pass);
-    let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, inverse22, low_pass);
+    let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, inverse22, disc);
+    let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, inverse22, disc);
     let margin = view.margin;
     let columns = pixel_range(reference_x, left - margin, right + margin, first_column, last_column);
     let rows = pixel_range(reference_y, top - margin, bottom + margin, first_row, last_row);

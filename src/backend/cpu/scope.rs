@@ -48,7 +48,7 @@ impl Scope<'_> {
             corner: self.band.corner,
             wanted: self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none()),
             near: self.frame.near,
-            low_pass: false,
+            centre_disc: 0.0,
             margin: 0.0,
             two_sided: self.frame.objects[chunk.object].two_sided,
             paths: self.frame.objects[chunk.object].paths(),

@@ -1,6 +1,7 @@
 //! What one group of time samples accumulates in one tile.
 
 use super::paint::PaintBuffers;
+use super::published::PublishedMask;
 use super::tiles::{ROWS, STRIDE, TILE};
 use super::transparent::see_through::cover::PeelBuffers;
 
@@ -13,6 +14,8 @@ pub(in crate::backend) struct TileBuffers {
     pub group_coverage: GroupCoverage,
     /// When kernels in motion cover; empty where there are none.
     pub coverage_mask: CoverageMask,
+    /// The same of published kernels.
+    pub published_mask: PublishedMask,
     /// The visibility of kernels in motion; empty where there are none.
     pub slices: Slices,
     /// Depths and sums of kernels at instants.
@@ -36,16 +39,14 @@ pub(in crate::backend) struct Slices {
 /// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct CoverageMask {
-    /// Object-space kernels.
+    /// Discs.
     pub surface: Vec<u32>,
-    /// Filtered kernels; for published kernels their low-pass discs.
-    pub low_pass: Vec<u32>,
+    /// Filtered kernels.
+    pub filtered: Vec<u32>,
     /// Sum of the weights of what covers, visible or hidden; where the sum of weights is the coverage, sum of all
-    /// visible weights. For published kernels: sum of the weights of low-pass discs beyond those of their kernels, or
-    /// of all weights.
+    /// visible weights.
     pub loose: Vec<f32>,
-    /// The same sum of weight times peak, and of weights that are negative for kernels that show their backs; empty for
-    /// published kernels.
+    /// The same sum of weight times peak, and of weights that are negative for kernels that show their backs.
     pub peak: Vec<f32>,
     pub side: Vec<f32>,
 }
@@ -83,6 +84,21 @@ impl GroupCoverage {
     }
 }
 
+impl CoverageMask {
+    /// For an interval.
+    pub(in crate::backend) fn clear(&mut self) {
+        let Self { surface, filtered, loose, peak, side } = self;
+        for plane in [surface, filtered] {
+            plane.clear();
+            plane.resize(TILE * STRIDE, 0);
+        }
+        for plane in [loose, peak, side] {
+            plane.clear();
+            plane.resize(TILE * STRIDE, 0.0);
+        }
+    }
+}
+
 impl TileBuffers {
     /// For an interval.
     pub(in crate::backend) fn clear_sums(&mut self, channels: usize) {
@@ -110,19 +126,6 @@ impl TileBuffers {
         {
             plane.clear();
             plane.resize(floats, f32::INFINITY);
-        }
-    }
-
-    /// For kernels in motion.
-    pub(in crate::backend) fn clear_coverage_mask(&mut self, filtered: bool) {
-        for plane in [&mut self.coverage_mask.surface, &mut self.coverage_mask.low_pass] {
-            plane.clear();
-            plane.resize(TILE * STRIDE, 0);
-        }
-        let CoverageMask { loose, peak, side, .. } = &mut self.coverage_mask;
-        for (plane, wanted) in [(loose, true), (peak, filtered), (side, filtered)] {
-            plane.clear();
-            plane.resize(if wanted { TILE * STRIDE } else { 0 }, 0.0);
         }
     }
 

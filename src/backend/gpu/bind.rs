@@ -380,10 +380,12 @@ impl Binder<'_> {
             Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
             None => paint_resolve_constants(frame, channels, planes),
         };
-        let program = match frame.swept.map(|kernel| kernel.normalise) {
+        let program = match frame.swept.map(|kernel| (kernel.normalise, kernel.is_published())) {
             None => Program::Resolve,
-            Some(Normalise::Interval) => Program::SweptResolve,
-            Some(Normalise::Once) => Program::Pool,
+            Some((Normalise::Interval, false)) => Program::SweptResolve,
+            Some((Normalise::Once, false)) => Program::Pool,
+            Some((Normalise::Interval, true)) => Program::PublishedResolve,
+            Some((Normalise::Once, true)) => Program::PublishedPool,
         };
         let needs_finish = frame.swept.is_some_and(SweptKernel::needs_finish);
         let (film, opaque) = (self.buffers.film.clone(), self.buffers.opaque.clone());

@@ -152,7 +152,6 @@ pub(super) fn swept_resolve_constants(
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
         // The weights are the coverage, plane 3, where they have no plane of their own.
         ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-        ("PUBLISHED", u32::from(swept.is_published())),
     ]);
     constants
 }

@@ -33,8 +33,6 @@ pub(in crate::backend) struct Job<'a> {
     pub group: &'a PosedGroup,
     /// Is it of see-through surfels?
     pub see_through: bool,
-    /// May splats have low-pass discs? See-through surfels and maps have none.
-    pub low_pass: bool,
     /// The pixels that are worked on.
     pub area: Area,
     /// The pixels of the visibility map.
@@ -56,7 +54,7 @@ impl<'a> JobPlace<'a> {
         let area = self.area();
         let group = &self.position.groups[group];
         let map = area.guarded(0);
-        Job { place: self, group, see_through: false, low_pass: true, area, map, has_opaque: false, slope: 0.0 }
+        Job { place: self, group, see_through: false, area, map, has_opaque: false, slope: 0.0 }
     }
 
     /// The same for kernels at instants. Its pixels are those of the band and of the apron around it; its tiles are the
@@ -64,7 +62,7 @@ impl<'a> JobPlace<'a> {
     pub(in crate::backend) fn paint_job(self, group: usize, see_through: bool) -> Job<'a> {
         let (job, raster) = (self.job(group), self.raster(see_through));
         let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
-        Job { area: Area { pixels, ..job.area }, see_through, low_pass: !see_through, ..job }
+        Job { area: Area { pixels, ..job.area }, see_through, ..job }
     }
 
     /// The job of a group's interval. Only published kernels have a map, `guard` pixels wider than the band.
@@ -149,7 +147,6 @@ impl DeviceState {
         let Job { place, group, area, map, .. } = *job;
         let (prepared, raster) = (place.prepared, place.raster(job.see_through));
         let batches = place.batches(job);
-        let of_all = View::of(prepared.frame, &raster, group, &prepared.channels.shared);
         let shared = View {
             pixels: area.pixels.to_array(),
             corner: area.corner,
@@ -161,8 +158,7 @@ impl DeviceState {
             slope: job.slope,
             surfels: u32::from(job.has_opaque) * OPAQUE_SURFELS,
             opaque_scale: group_scale(group),
-            low_pass: if job.low_pass { of_all.low_pass } else { 0.0 },
-            ..of_all
+            ..View::of(prepared.frame, &raster, group, &prepared.channels.shared)
         };
         let mut views = Vec::new();
         let mut before = 0;

@@ -82,6 +82,8 @@ pub(in crate::backend) enum Program {
     StoreMap,
     PublishedSweep,
     PublishedAttribute,
+    PublishedResolve,
+    PublishedPool,
     GaussianProject,
     Gather,
     Composite,
@@ -215,6 +217,17 @@ const SWEPT_RESOLVE: &str = wgsl!(
     "common/environment.wgsl",
     "common/channels.wgsl",
     "resolve.wgsl",
+    "swept/coverage.wgsl",
+    "swept/resolve.wgsl",
+);
+const PUBLISHED_RESOLVE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/shading.wgsl",
+    "common/environment.wgsl",
+    "common/channels.wgsl",
+    "resolve.wgsl",
+    "published/coverage.wgsl",
     "swept/resolve.wgsl",
 );
 const GAUSSIAN_PROJECT: &str = wgsl!(
@@ -297,7 +310,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 35] = [
+    pub(in crate::backend) const ALL: [Self; 37] = [
         Self::Project(KernelKind::Disc),
         Self::Project(KernelKind::LowPass),
         Self::Project(KernelKind::Filtered),
@@ -321,6 +334,8 @@ impl Program {
         Self::StoreMap,
         Self::PublishedSweep,
         Self::PublishedAttribute,
+        Self::PublishedResolve,
+        Self::PublishedPool,
         Self::SweptVisibility,
         Self::SweptAttribute,
         Self::SweptResolve,
@@ -366,6 +381,7 @@ impl Program {
             Self::SweptResolve | Self::Pool | Self::Finish => SWEPT_RESOLVE,
             Self::PublishedSweep => PUBLISHED_SWEEP,
             Self::PublishedAttribute => PUBLISHED_ATTRIBUTE,
+            Self::PublishedResolve | Self::PublishedPool => PUBLISHED_RESOLVE,
             Self::GaussianProject => GAUSSIAN_PROJECT,
             Self::Gather => GATHER,
             Self::Composite => COMPOSITE,
@@ -393,8 +409,8 @@ impl Program {
             Self::StoreMap => "store_map",
             Self::SweptVisibility => "swept_visibility",
             Self::SweptAttribute => "swept_attribute",
-            Self::SweptResolve => "swept_resolve",
-            Self::Pool => "pool",
+            Self::SweptResolve | Self::PublishedResolve => "swept_resolve",
+            Self::Pool | Self::PublishedPool => "pool",
             Self::Finish => "finish",
             Self::PublishedSweep => "published_sweep",
             Self::PublishedAttribute => "published_attribute",
@@ -432,8 +448,10 @@ impl Program {
             Self::SweptAttribute | Self::PublishedAttribute => {
                 (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask])
             }
-            Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, Environment], &[Film]),
-            Self::Pool => (&[Sums, CoverageMask, Moments], &[Film]),
+            Self::SweptResolve | Self::PublishedResolve => {
+                (&[Lights, Sums, CoverageMask, Moments, Environment], &[Film])
+            }
+            Self::Pool | Self::PublishedPool => (&[Sums, CoverageMask, Moments], &[Film]),
             Self::Finish => (&[], &[Film]),
             Self::GaussianProject => (&[Geometry, Looks, Lights], &[Keys, List, Gaussians]),
             Self::Gather => (&[Gaussians, Order, Wanted], &[Splats, Touched]),

@@ -72,7 +72,7 @@ impl DeviceState {
                 }
                 Step::Published { group, part: Published::Map { guard } } => {
                     let map = place.area().guarded(guard);
-                    let job = Job { area: map, map, low_pass: false, ..place.job(group) };
+                    let job = Job { area: map, map, ..place.job(group) };
                     let SurfelPrograms::Published(programs, _) = &place.programs.surfels else {
                         return Err(self.unbound());
                     };

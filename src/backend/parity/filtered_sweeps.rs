@@ -120,7 +120,7 @@ static MUTANTS: [Mutant; 33] = [
     ([("out.coverage = wide.peak * factor", "out.coverage = wide.peak * mean")], "tube"),
     ([("filtered.coverage = 0.0", "filtered.coverage = 1.0")], "hard"),
     ([("if f.coverage != 0.0", "if f.coverage != 9.0")], "hard"),
-    ([("(*sum).surface |= moments_in(disc_span)", "(*sum).surface |= moments_in(disc_span) & 0xffffu")], "fast"),
+    ([("(*mask).surface |= moments_in(disc_span)", "(*mask).surface |= moments_in(disc_span) & 0xffffu")], "fast"),
     ([("own_k = f.k", "own_k = 2.0 * f.k")], "near"),
     ([("let time = 1.0 + view.slope * tau;\n    let in_tube", "let time = 1.0;\n    let in_tube")], "fast"),
     ([("select(HIDDEN, part, part > 0.0)", "1.0")], "fast"),

@@ -113,7 +113,7 @@ impl<'a> Harness<'a> {
         let place = self.place();
         let Some(interval) = self.swept else { return place.paint_job(0, false) };
         let job = place.sweep_job(0, &interval);
-        if on_map { Job { area: job.map, low_pass: false, ..job } } else { job }
+        if on_map { Job { area: job.map, ..job } } else { job }
     }
 
     fn tiles(&self) -> Vec<[usize; 2]> {

@@ -48,7 +48,7 @@ static MUTANTS: [Mutant; 56] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
-    ([("low_pass = select(0.0, view.low_pass", "low_pass = select(0.0, 0.0 * view.low_pass")], "supersample"),
+    ([("return select(0.0, view.low_pass", "return select(0.0, 0.0 * view.low_pass")], "supersample"),
     ([("area * segment.handedness < 0.0", "area * segment.handedness > 0.0")], "supersample"),
     ([("view.axis - view.offset", "view.axis")], "hard"),
     ([("sorted_keys[middle] < id.x", "sorted_keys[middle] <= id.x")], "supersample"),

@@ -11,11 +11,11 @@ use crate::backend::cpu::job::Job;
 use crate::backend::cpu::paint::buffers::APRON_STRIDE;
 use crate::backend::cpu::paint::visibility::visibility;
 use crate::backend::cpu::published::map::{self, Map, MapTile};
-use crate::backend::cpu::published::{self, MapGroup, PublishedSweepGroup};
+use crate::backend::cpu::published::{self, MapGroup, PublishedMask, PublishedSweepGroup};
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::swept::{self, SweepGroup, slices};
-use crate::backend::cpu::tile_buffers::TileBuffers;
+use crate::backend::cpu::tile_buffers::{CoverageMask, TileBuffers};
 use crate::backend::cpu::tile_runner::TileWork;
 use crate::backend::cpu::tiles::{STRIDE, TILE};
 use crate::backend::cpu::values;
@@ -25,12 +25,10 @@ use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
 #[derive(Clone, Debug, Default)]
 pub(super) struct SweptSums {
     pub channels: Vec<Vec<f32>>,
-    pub surface: Vec<u32>,
-    pub low_pass: Vec<u32>,
-    pub loose: Vec<f32>,
-    /// Empty for published kernels.
-    pub peak: Vec<f32>,
-    pub side: Vec<f32>,
+    /// The times at which discs cover, and at which filtered kernels do, or the low-pass discs of published kernels.
+    pub times: [Vec<u32>; 2],
+    /// The other planes of the mask: one of published kernels, else three.
+    pub weights: Vec<Vec<f32>>,
 }
 
 /// The map of one group, in tiles of another size than the CPU's own.
@@ -86,44 +84,27 @@ impl MapTwins<'_> {
     }
 }
 
-/// The planes of a tile that passes `attribute` write.
-fn sums_of(buffers: &TileBuffers, channels: usize, edge: usize) -> SweptSums {
-    let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, edge);
-    let mask = &buffers.coverage_mask;
-    let own = |plane: &[f32]| if plane.is_empty() { Vec::new() } else { take_rows(plane, STRIDE, edge) };
-    SweptSums {
-        channels: (0..channels).map(channel).collect(),
-        surface: take_rows(&mask.surface, STRIDE, edge),
-        low_pass: take_rows(&mask.low_pass, STRIDE, edge),
-        loose: take_rows(&mask.loose, STRIDE, edge),
-        peak: own(&mask.peak),
-        side: own(&mask.side),
-    }
+/// The sums of a tile that passes `attribute` write, channel by channel.
+fn channels_of(buffers: &TileBuffers, channels: usize, edge: usize) -> Vec<Vec<f32>> {
+    (0..channels).map(|c| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, edge)).collect()
 }
 
-/// The film that `resolve` makes of the sums of a tile: plane by plane, `edge` x `edge`.
+/// The film that `resolve` makes of the sums of a tile: plane by plane, `edge` x `edge`. `put`: writes the masks.
 fn film_of(
     scope: &Scope<'_>,
     edge: usize,
     tile: [usize; 2],
     sums: &SweptSums,
+    put: impl FnOnce(&mut TileBuffers),
     resolve: impl FnOnce(&mut Job<'_, SweptSplat, TileFilm>),
 ) -> Vec<Vec<f32>> {
     let channels = scope.channels.count;
     let mut buffers = TileBuffers::default();
     buffers.clear_sums(channels);
-    buffers.clear_coverage_mask(!sums.peak.is_empty());
     for (c, channel) in sums.channels.iter().enumerate() {
         put_rows(channel, &mut buffers.sums[c * STRIDE..], channels * STRIDE, edge);
     }
-    let mask = &mut buffers.coverage_mask;
-    put_rows(&sums.surface, &mut mask.surface, STRIDE, edge);
-    put_rows(&sums.low_pass, &mut mask.low_pass, STRIDE, edge);
-    put_rows(&sums.loose, &mut mask.loose, STRIDE, edge);
-    if !sums.peak.is_empty() {
-        put_rows(&sums.peak, &mut mask.peak, STRIDE, edge);
-        put_rows(&sums.side, &mut mask.side, STRIDE, edge);
-    }
+    put(&mut buffers);
     let (mut film, mut scratch) = (TileFilm::default(), Vec::new());
     resolve(&mut Job {
         chunks: &[],
@@ -136,6 +117,11 @@ fn film_of(
         first: true,
     });
     (0..scope.planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, edge)).collect()
+}
+
+/// Writes planes of `edge` x `edge` to those of a tile.
+fn put_planes<T: Copy, const N: usize>(from: &[Vec<T>], to: [&mut Vec<T>; N], edge: usize) {
+    from.iter().zip(to).for_each(|(from, to)| put_rows(from, to, STRIDE, edge));
 }
 
 /// The kernels in motion of one group, in tiles of another size than the CPU's own.
@@ -188,7 +174,7 @@ impl SweepTwins<'_> {
         let channels = self.scope().channels.count;
         let mut buffers = TileBuffers::default();
         buffers.clear_sums(channels);
-        buffers.clear_coverage_mask(true);
+        buffers.coverage_mask.clear();
         let count = self.group.interval.slices as usize;
         buffers.start_slices(count, slices.len() > count);
         let planes = [&mut buffers.slices.threshold, &mut buffers.slices.nearest];
@@ -206,12 +192,23 @@ impl SweepTwins<'_> {
             let TileBuffers { sums, coverage_mask, slices, .. } = &mut buffers;
             swept::attribute::attribute((splats, filters), &list, &swept, &rect, slices, sums, coverage_mask);
         }
-        sums_of(&buffers, channels, self.edge)
+        let CoverageMask { surface, filtered, loose, peak, side } = &buffers.coverage_mask;
+        SweptSums {
+            channels: channels_of(&buffers, channels, self.edge),
+            times: [surface, filtered].map(|plane| take_rows(plane, STRIDE, self.edge)),
+            weights: [loose, peak, side].map(|plane| take_rows(plane, STRIDE, self.edge)).to_vec(),
+        }
     }
 
     /// Film of a tile after the group alone, not finished: plane by plane, `edge` x `edge`.
     pub(super) fn resolve(&self, tile: [usize; 2], sums: &SweptSums) -> Vec<Vec<f32>> {
-        film_of(self.scope(), self.edge, tile, sums, |job| self.group.resolve(job))
+        let put = |buffers: &mut TileBuffers| {
+            buffers.coverage_mask.clear();
+            let CoverageMask { surface, filtered, loose, peak, side } = &mut buffers.coverage_mask;
+            put_planes(&sums.times, [surface, filtered], self.edge);
+            put_planes(&sums.weights, [loose, peak, side], self.edge);
+        };
+        film_of(self.scope(), self.edge, tile, sums, put, |job| self.group.resolve(job))
     }
 }
 
@@ -239,21 +236,32 @@ impl PublishedTwins<'_> {
         let channels = scope.channels.count;
         let mut buffers = TileBuffers::default();
         buffers.clear_sums(channels);
-        buffers.clear_coverage_mask(false);
+        buffers.published_mask.clear();
         let rect = rect(&scope.band, tile, self.edge);
         for Posed { chunk, splats } in kernels {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let mut values = Vec::new();
             values::values(splats, &scope.shown(chunk), &mut values);
-            let TileBuffers { sums, coverage_mask, .. } = &mut buffers;
+            let TileBuffers { sums, published_mask, .. } = &mut buffers;
             let swept = self.group.swept(chunk, &values);
-            published::attribute::attribute(splats, &list, &swept, &rect, sums, coverage_mask);
+            published::attribute::attribute(splats, &list, &swept, &rect, sums, published_mask);
         }
-        sums_of(&buffers, channels, self.edge)
+        let PublishedMask { surface, low_pass, loose } = &buffers.published_mask;
+        SweptSums {
+            channels: channels_of(&buffers, channels, self.edge),
+            times: [surface, low_pass].map(|plane| take_rows(plane, STRIDE, self.edge)),
+            weights: vec![take_rows(loose, STRIDE, self.edge)],
+        }
     }
 
     /// Film of a tile after the group alone, not finished: plane by plane, `edge` x `edge`.
     pub(super) fn resolve(&self, tile: [usize; 2], sums: &SweptSums) -> Vec<Vec<f32>> {
-        film_of(&self.group.scope, self.edge, tile, sums, |job| self.group.resolve(job))
+        let put = |buffers: &mut TileBuffers| {
+            buffers.published_mask.clear();
+            let PublishedMask { surface, low_pass, loose } = &mut buffers.published_mask;
+            put_planes(&sums.times, [surface, low_pass], self.edge);
+            put_planes(&sums.weights, [loose], self.edge);
+        };
+        film_of(&self.group.scope, self.edge, tile, sums, put, |job| self.group.resolve(job))
     }
 }

@@ -134,8 +134,7 @@ fn published() -> Vec<Case> {
 /// The planes of a tile's coverage mask.
 pub(super) fn mask_planes(sums: &SweptSums) -> Vec<Vec<u32>> {
     let bits = |plane: &Vec<f32>| plane.iter().map(|v| v.to_bits()).collect();
-    let floats = [&sums.loose, &sums.peak, &sums.side].into_iter().filter(|plane| !plane.is_empty()).map(bits);
-    [sums.surface.clone(), sums.low_pass.clone()].into_iter().chain(floats).collect()
+    sums.times.iter().cloned().chain(sums.weights.iter().map(bits)).collect()
 }
 
 pub(super) fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String> {

@@ -74,7 +74,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         corner: [0; 2],
         wanted: None,
         near: 1e-3,
-        low_pass: false,
+        centre_disc: 0.0,
         margin: raster.apron() as f32,
         two_sided: true,
         paths: Paths::default(),

@@ -85,7 +85,7 @@ fn view_of(object: &PosedObject) -> SurfelView<'_> {
         corner: [0; 2],
         wanted: None,
         near: 0.1,
-        low_pass: false,
+        centre_disc: 0.0,
         margin: 0.0,
         two_sided: false,
         paths: Paths::default(),
@@ -116,7 +116,8 @@ fn clusters_that_are_left_out_hold_nothing() {
         let k = Mat3::from_diagonal(Vec3::new(90.0, -90.0, -1.0));
         let (screen_from_model, screen_origin) = (k * linear, k * origin);
         let object = posed(screen_from_model, screen_origin, linear, origin, handedness);
-        let whole = SurfelView { low_pass: case % 2 == 0, two_sided: case % 5 == 0, ..view_of(&object) };
+        let centre_disc = if case % 2 == 0 { raster().low_pass } else { 0.0 };
+        let whole = SurfelView { centre_disc, two_sided: case % 5 == 0, ..view_of(&object) };
         let view = SurfelView { clusters: Some(&clusters), ..whole };
         let (mut want, mut got) = (Vec::new(), Vec::new());
         project(&whole, &ball, 0..ball.len(), &mut want);

@@ -5,11 +5,11 @@
 //! kernels cover. Sums are in list order; the coverage mask is order-free.
 
 use super::map::Map;
+use super::mask::PublishedMask;
 use super::ray::{Lanes, Ray, RaySettings};
 use crate::backend::cpu::attribute::{Attributes, add};
 use crate::backend::cpu::swept::Hull;
 use crate::backend::cpu::swept::attribute::HIDDEN;
-use crate::backend::cpu::tile_buffers::CoverageMask;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::frame::Raster;
 use crate::layout::SweptSplat;
@@ -35,10 +35,10 @@ pub(in crate::backend) struct Swept<'a> {
 }
 
 dispatch! {
-    /// Adds the swept splats that `list` names to `sums` and `coverage_mask`.
+    /// Adds the swept splats that `list` names to `sums` and `mask`.
     pub(in crate::backend) fn attribute(
         splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, sums: &mut [f32],
-        coverage_mask: &mut CoverageMask,
+        mask: &mut PublishedMask,
     ) = attribute_body
 }
 
@@ -49,13 +49,13 @@ fn attribute_body(
     swept: &Swept<'_>,
     tile: &TileRect,
     sums: &mut [f32],
-    coverage_mask: &mut CoverageMask,
+    mask: &mut PublishedMask,
 ) {
     match (swept.line, swept.low_pass > 0.0) {
-        (true, true) => add_all::<true, true>(splats, list, swept, tile, sums, coverage_mask),
-        (true, false) => add_all::<true, false>(splats, list, swept, tile, sums, coverage_mask),
-        (false, true) => add_all::<false, true>(splats, list, swept, tile, sums, coverage_mask),
-        (false, false) => add_all::<false, false>(splats, list, swept, tile, sums, coverage_mask),
+        (true, true) => add_all::<true, true>(splats, list, swept, tile, sums, mask),
+        (true, false) => add_all::<true, false>(splats, list, swept, tile, sums, mask),
+        (false, true) => add_all::<false, true>(splats, list, swept, tile, sums, mask),
+        (false, false) => add_all::<false, false>(splats, list, swept, tile, sums, mask),
     }
 }
 
@@ -66,7 +66,7 @@ fn add_all<const LINE: bool, const LOW_PASS: bool>(
     swept: &Swept<'_>,
     tile: &TileRect,
     sums: &mut [f32],
-    coverage_mask: &mut CoverageMask,
+    mask: &mut PublishedMask,
 ) {
     let attributes = &swept.attributes;
     let channels = attributes.channels.count;
@@ -99,7 +99,7 @@ fn add_all<const LINE: bool, const LOW_PASS: bool>(
                         continue;
                     }
                     lanes.test(swept.map);
-                    lanes.mark(swept.sum, y * STRIDE + x, coverage_mask);
+                    lanes.mark(swept.sum, y * STRIDE + x, mask);
                     for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
                         add(&mut plane[x..], &lanes.weight, *value);
                     }
@@ -138,8 +138,8 @@ impl Lanes {
 
     /// Adds when the lanes are covered, for the pixels from `first` on.
     #[inline(always)]
-    fn mark(&self, sum: bool, first: usize, coverage_mask: &mut CoverageMask) {
-        if let Some(loose) = coverage_mask.loose.get_mut(first..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
+    fn mark(&self, sum: bool, first: usize, mask: &mut PublishedMask) {
+        if let Some(loose) = mask.loose.get_mut(first..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
             for l in 0..LANES {
                 loose[l] += self.loose[l];
             }
@@ -147,9 +147,7 @@ impl Lanes {
         if sum {
             return;
         }
-        for (plane, bits) in
-            [(&mut coverage_mask.surface, &self.surface), (&mut coverage_mask.low_pass, &self.low_pass)]
-        {
+        for (plane, bits) in [(&mut mask.surface, &self.surface), (&mut mask.low_pass, &self.low_pass)] {
             if let Some(plane) = plane.get_mut(first..).and_then(<[u32]>::first_chunk_mut::<LANES>) {
                 for l in 0..LANES {
                     plane[l] |= bits[l];

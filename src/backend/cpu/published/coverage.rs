@@ -1,25 +1,25 @@
 //! When published kernels in motion and their low-pass discs cover (docs/math.md, section 7).
 //!
-//! In: a tile's coverage mask. Out: its coverage. One sample position at a time, order-free.
+//! In: a tile's mask. Out: its coverage. One sample position at a time, order-free.
 
+use super::mask::PublishedMask;
 use crate::backend::cpu::swept::IntervalExposure;
-use crate::backend::cpu::tile_buffers::CoverageMask;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE};
 use crate::math::simd::dispatch;
 
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
     pub(in crate::backend) fn coverage(
-        exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
+        exposure: &IntervalExposure<'_>, mask: &PublishedMask, out: &mut Vec<f32>,
     ) = coverage_body
 }
 
 #[inline(always)]
-fn coverage_body(exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
+fn coverage_body(exposure: &IntervalExposure<'_>, mask: &PublishedMask, out: &mut Vec<f32>) {
     out.clear();
     out.resize(TILE * STRIDE, 0.0);
-    let lanes = coverage_mask.surface.chunks_exact(LANES).zip(coverage_mask.low_pass.chunks_exact(LANES));
-    let lanes = lanes.zip(coverage_mask.loose.chunks_exact(LANES)).zip(out.chunks_exact_mut(LANES));
+    let lanes = mask.surface.chunks_exact(LANES).zip(mask.low_pass.chunks_exact(LANES));
+    let lanes = lanes.zip(mask.loose.chunks_exact(LANES)).zip(out.chunks_exact_mut(LANES));
     for (((surface, low_pass), loose), out) in lanes {
         if exposure.sum {
             for l in 0..LANES {

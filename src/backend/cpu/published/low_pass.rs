@@ -68,7 +68,7 @@ impl Kernel for LowPassSplat {
     const FILTERED: bool = false;
 
     fn project(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
-        project(&SurfelView { low_pass: true, ..*view }, surfels, range, out);
+        project(&SurfelView { centre_disc: view.raster.low_pass, ..*view }, surfels, range, out);
     }
 
     #[inline(always)]

@@ -5,13 +5,14 @@ use std::time::Instant;
 use super::attribute::{self, Swept};
 use super::coverage::coverage;
 use super::map::Map;
+use super::project::project;
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
 use crate::backend::cpu::project::SurfelView;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
-use crate::backend::cpu::swept::{IntervalExposure, add_to_film, project};
+use crate::backend::cpu::swept::{IntervalExposure, add_to_film};
 use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
 use crate::layout::SweptSplat;
@@ -50,7 +51,7 @@ impl PublishedSweepGroup<'_> {
     fn add_kernels(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
         if job.first {
             job.buffers.clear_sums(self.scope.channels.count);
-            job.buffers.clear_coverage_mask(false);
+            job.buffers.published_mask.clear();
         }
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
@@ -58,17 +59,16 @@ impl PublishedSweepGroup<'_> {
                 continue;
             }
             let swept = self.swept(chunk, &binned.values);
-            let TileBuffers { sums, coverage_mask, .. } = &mut *job.buffers;
-            attribute::attribute(&binned.splats, list, &swept, &job.tile, sums, coverage_mask);
+            let TileBuffers { sums, published_mask, .. } = &mut *job.buffers;
+            attribute::attribute(&binned.splats, list, &swept, &job.tile, sums, published_mask);
         }
     }
 
     /// Pass `resolve` of one tile.
     pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
-        let TileBuffers { sums, group_coverage, coverage_mask, .. } = &mut *job.buffers;
-        let exposure =
-            IntervalExposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
-        coverage(&exposure, coverage_mask, &mut group_coverage.coverage);
+        let TileBuffers { sums, group_coverage, published_mask, .. } = &mut *job.buffers;
+        let exposure = IntervalExposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
+        coverage(&exposure, published_mask, &mut group_coverage.coverage);
         add_to_film(&self.scope, self.kernel.normalise, &job.tile, sums, &group_coverage.coverage, job.out);
     }
 }
@@ -88,8 +88,8 @@ impl TileWork for PublishedSweepGroup<'_> {
             let Binned { splats, filters, .. } = &mut *binned;
             splats.clear();
             filters.clear();
-            let view = SurfelView { low_pass: self.scope.low_pass() > 0.0, ..self.scope.view(chunk) };
-            project::project_published(&view, surfels, chunk.surfels.clone(), splats);
+            let view = SurfelView { centre_disc: self.scope.low_pass(), ..self.scope.view(chunk) };
+            project(&view, surfels, chunk.surfels.clone(), splats);
             self.scope.add_values(chunk, binned);
         });
     }

@@ -219,14 +219,14 @@ impl Pair {
         lanes.plane[1][l] = change;
         lanes.depth[l] = if met { depth + tau * change } else { 0.0 };
         lanes.surface[l] = if disc_met & met { moments(disc_span) } else { 0 };
-        lanes.low_pass[l] = if met { moments(tube_span) } else { 0 };
+        lanes.filtered[l] = if met { moments(tube_span) } else { 0 };
         lanes.covers[l] = u32::from(met);
     }
 
     /// Adds when the lanes are covered, and by how much, for the pixels from `first` on.
     #[inline(always)]
     fn mark(&self, lanes: &Lanes, sum: bool, first: usize, coverage_mask: &mut CoverageMask) {
-        let CoverageMask { surface, low_pass, loose, peak, side } = coverage_mask;
+        let CoverageMask { surface, filtered, loose, peak, side } = coverage_mask;
         for (plane, factor) in [(loose, 1.0), (peak, self.peak), (side, self.side)] {
             if let Some(plane) = plane.get_mut(first..) {
                 add(plane, &lanes.loose, factor);
@@ -235,7 +235,7 @@ impl Pair {
         if sum {
             return;
         }
-        for (plane, bits) in [(surface, &lanes.surface), (low_pass, &lanes.low_pass)] {
+        for (plane, bits) in [(surface, &lanes.surface), (filtered, &lanes.filtered)] {
             if let Some(plane) = plane.get_mut(first..).and_then(<[u32]>::first_chunk_mut::<LANES>) {
                 for l in 0..LANES {
                     plane[l] |= bits[l];

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 /// A kernel in screen space: homogeneous pixel coordinates (x, y, depth) about the camera's axis.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Posed {
+pub(in crate::backend::cpu) struct Posed {
     /// Centre at tau = 0.
     pub centre: Vec3,
     /// From there to tau = 1.

@@ -5,7 +5,6 @@
 
 use std::ops::Range;
 
-use bytemuck::Zeroable;
 use glam::Vec3;
 
 use super::filter::{Filter, Filtered};
@@ -13,7 +12,7 @@ use super::posed::{Posed, forms};
 use crate::backend::cpu::bounds::{Disc, SLACK_SHARE, extent, index_range, is_outside};
 use crate::backend::cpu::paint::share::Shares;
 use crate::backend::cpu::project::SurfelView;
-use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptFilter, SweptSplat};
+use crate::layout::{FLAG_BACK, FLAG_CROSSING, SweptFilter, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
 
@@ -24,19 +23,6 @@ dispatch! {
         view: &SurfelView<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
         filters: &mut Vec<SweptFilter>,
     ) = project_body
-}
-
-dispatch! {
-    /// As [`project`], of published kernels: ellipsoids without a filter.
-    pub(in crate::backend) fn project_published(
-        view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
-    ) = project_published_body
-}
-
-#[inline(always)]
-fn project_published_body(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
-    let sweep = |posed: &Posed, i: usize| sweep(view, true, posed, i as u32, None);
-    out.extend(all_posed(view, surfels, range).filter_map(|(i, posed)| sweep(&posed, i)).map(|(splat, _)| splat));
 }
 
 #[inline(always)]
@@ -51,15 +37,20 @@ fn project_body(
     let shares = Shares::of(surfels);
     for (i, posed) in all_posed(view, surfels, range) {
         let filter = Filter { sigma: view.raster.sigma, share: shares.at(i) };
-        if let Some((splat, filtered)) = sweep(view, ellipsoid, &posed, i as u32, Some(filter)) {
+        if let Some((splat, filtered)) = sweep(view, ellipsoid, &posed, i as u32, filter) {
             out.push(splat);
             filters.push(filtered);
         }
     }
 }
 
+/// The kernels of `surfels[range]`, and their numbers.
 #[inline(always)]
-fn all_posed(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>) -> impl Iterator<Item = (usize, Posed)> {
+pub(in crate::backend::cpu) fn all_posed(
+    view: &SurfelView<'_>,
+    surfels: &Surfels,
+    range: Range<usize>,
+) -> impl Iterator<Item = (usize, Posed)> {
     let object = view.object;
     range.map(move |i| {
         let place = view.paths.place(surfels.position[i], i, object.elapsed);
@@ -74,16 +65,37 @@ fn all_posed(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>) -> i
     })
 }
 
-/// The splat of one kernel, and its filtered kernel, zeroed where nobody asks for one; none if it shows the wrong face
-/// at mid-interval, or nowhere touches the wanted pixels.
+/// Where a kernel lies that may be seen.
+pub(in crate::backend::cpu) enum Moving {
+    /// Before the camera plane over the whole interval.
+    Ordinary(Sheared),
+    /// It reaches that plane.
+    Crossing,
+}
+
+/// A kernel that lies before the camera plane, sheared so that its centre's ray is the axis at mid-interval.
+pub(in crate::backend::cpu) struct Sheared {
+    /// Where the centre is on the screen at mid-interval, counted from the camera's axis.
+    centre: [f32; 2],
+    /// One over the centre's depth.
+    inverse: f32,
+    /// Axes and motion: x and y times depth, depth.
+    u: [f32; 3],
+    v: [f32; 3],
+    motion: [f32; 3],
+    /// Signed area of the projected axes.
+    area: f32,
+}
+
+/// Boxes at both ends, as [`end`] has them, and one box about the whole kernel.
+pub(in crate::backend::cpu) struct Boxes {
+    ends: [[f32; 4]; 2],
+    hull: [f32; 4],
+}
+
+/// Where a kernel lies; none if it shows the wrong face at mid-interval, or is nearer than `near`.
 #[inline(always)]
-pub(super) fn sweep(
-    view: &SurfelView<'_>,
-    ellipsoid: bool,
-    posed: &Posed,
-    surfel: u32,
-    filter: Option<Filter>,
-) -> Option<(SweptSplat, SweptFilter)> {
+pub(in crate::backend::cpu) fn moving(view: &SurfelView<'_>, posed: &Posed) -> Option<Moving> {
     let &Posed { centre, motion, u, v } = posed;
     let depth_extent2 = u.z * u.z + v.z * v.z;
     let depths = [centre.z - motion.z, centre.z + motion.z];
@@ -93,8 +105,7 @@ pub(super) fn sweep(
     // False with a NaN.
     let before = |depth: f32| depth > 0.0 && depth_extent2 - depth * depth <= -1e-3 * depth * depth;
     if !(before(depths[0]) && before(depths[1])) {
-        let splat = crossing(view, posed, surfel)?;
-        return Some((splat, filter.map_or_else(SweptFilter::zeroed, Filter::none)));
+        return Some(Moving::Crossing);
     }
     let inverse = 1.0 / centre.z;
     let (x, y) = (centre.x * inverse, centre.y * inverse);
@@ -104,46 +115,74 @@ pub(super) fn sweep(
     let area = ux * vy - uy * vx;
     let det = area * centre.z * view.object.handedness;
     let facing = if view.two_sided { det.abs() > 0.0 } else { det < 0.0 };
-    if !facing {
-        return None;
-    }
-    let low_pass = if view.low_pass && centre.z >= view.near { view.raster.low_pass } else { 0.0 };
-    let (mut ends, mut hull) = boxes(view, ellipsoid, posed, low_pass);
-    let wide = filter.filter(|filter| filter.sigma > 0.0).map(|filter| Filtered::of(posed, filter));
-    if let Some(wide) = &wide {
-        let of_filtered = boxes(view, ellipsoid, &wide.posed, 0.0);
-        ends = [0, 1].map(|i| about(&ends[i], &of_filtered.0[i]));
-        hull = about(&hull, &of_filtered.1);
-    }
-    let bounds = within(view, hull);
-    // False with a NaN.
-    if !(bounds[0] <= bounds[1] && bounds[2] <= bounds[3]) {
-        return None;
-    }
-    let reference = [view.raster.axis[0] + x - view.raster.offset[0], view.raster.axis[1] + y - view.raster.offset[1]];
-    let [inverse_depth, u, v, u_rate, v_rate] = forms([ux, uy, u.z], [vx, vy, v.z], [mx, my, motion.z], inverse);
-    let back = if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK };
-    let splat = SweptSplat {
-        reference,
-        inverse_depth,
-        u,
-        v,
-        u_rate,
-        v_rate,
+    facing.then_some(Moving::Ordinary(Sheared {
+        centre: [x, y],
+        inverse,
+        u: [ux, uy, u.z],
+        v: [vx, vy, v.z],
         motion: [mx, my, motion.z],
-        ends,
-        bounds: bounds.map(|bound| bound as u16),
-        surfel,
-        flags: back | if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 },
-    };
-    let unfiltered = || filter.map_or_else(SweptFilter::zeroed, Filter::none);
-    Some((splat, wide.map_or_else(unfiltered, |wide| wide.forms([mx, my, motion.z]))))
+        area,
+    }))
 }
 
-/// Boxes at both ends, as [`end`] has them, and one box about the whole kernel. `low_pass`: radius of its low-pass
-/// disc.
+/// The splat of one kernel, and its filtered kernel; none if it cannot be seen, or nowhere touches the wanted pixels.
 #[inline(always)]
-fn boxes(view: &SurfelView<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> ([[f32; 4]; 2], [f32; 4]) {
+pub(super) fn sweep(
+    view: &SurfelView<'_>,
+    ellipsoid: bool,
+    posed: &Posed,
+    surfel: u32,
+    filter: Filter,
+) -> Option<(SweptSplat, SweptFilter)> {
+    let kernel = match moving(view, posed)? {
+        Moving::Ordinary(kernel) => kernel,
+        Moving::Crossing => return Some((crossing(view, posed, surfel)?, filter.none())),
+    };
+    let mut own = boxes(view, ellipsoid, posed, 0.0);
+    let wide = (filter.sigma > 0.0).then(|| Filtered::of(posed, filter));
+    if let Some(wide) = &wide {
+        let filtered = boxes(view, ellipsoid, &wide.posed, 0.0);
+        own.ends = [0, 1].map(|i| about(&own.ends[i], &filtered.ends[i]));
+        own.hull = about(&own.hull, &filtered.hull);
+    }
+    let splat = kernel.splat(view, own, surfel)?;
+    Some((splat, wide.map_or_else(|| filter.none(), |wide| wide.forms(kernel.motion))))
+}
+
+impl Sheared {
+    /// Its splat within the boxes; none where these hold no wanted pixel.
+    #[inline(always)]
+    pub(in crate::backend::cpu) fn splat(
+        &self,
+        view: &SurfelView<'_>,
+        boxes: Boxes,
+        surfel: u32,
+    ) -> Option<SweptSplat> {
+        let bounds = within(view, boxes.hull);
+        // False with a NaN.
+        if !(bounds[0] <= bounds[1] && bounds[2] <= bounds[3]) {
+            return None;
+        }
+        let [inverse_depth, u, v, u_rate, v_rate] = forms(self.u, self.v, self.motion, self.inverse);
+        Some(SweptSplat {
+            reference: [0, 1].map(|i| view.raster.axis[i] + self.centre[i] - view.raster.offset[i]),
+            inverse_depth,
+            u,
+            v,
+            u_rate,
+            v_rate,
+            motion: self.motion,
+            ends: boxes.ends,
+            bounds: bounds.map(|bound| bound as u16),
+            surfel,
+            flags: if self.area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },
+        })
+    }
+}
+
+/// The boxes of a kernel before the camera plane. `low_pass`: radius of its low-pass disc, where it is published.
+#[inline(always)]
+pub(in crate::backend::cpu) fn boxes(view: &SurfelView<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> Boxes {
     let &Posed { centre, motion, u, v } = posed;
     let depth_extent2 = u.z * u.z + v.z * v.z;
     let depths = [centre.z - motion.z, centre.z + motion.z];
@@ -176,7 +215,7 @@ fn boxes(view: &SurfelView<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -
         let rows = bound(y, [u.y, v.y, motion.y], reference[1]);
         hull = [high(hull[0], columns.0), low(hull[1], columns.1), high(hull[2], rows.0), low(hull[3], rows.1)];
     }
-    (ends, hull)
+    Boxes { ends, hull }
 }
 
 /// Pixel columns and rows that bound the kernel and its low-pass disc when its centre is `centre`: the dual conic of
@@ -274,7 +313,7 @@ fn clipped(view: &SurfelView<'_>, posed: &Posed, disc: f32) -> Option<[[f32; 4];
 /// A kernel that crosses the camera plane. Pixels are counted from the camera's axis. Where no boxes bound it, its
 /// bounds are all wanted pixels.
 #[inline(never)]
-fn crossing(view: &SurfelView<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
+pub(in crate::backend::cpu) fn crossing(view: &SurfelView<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let &Posed { centre, motion, u, v } = posed;
     let normal = u.cross(v);
     let det = normal.dot(centre);

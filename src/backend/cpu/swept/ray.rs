@@ -22,7 +22,7 @@ pub(super) struct Lanes {
     pub plane: [[f32; LANES]; 2],
     /// When the disc covers, and when the filtered kernel does.
     pub surface: [u32; LANES],
-    pub low_pass: [u32; LANES],
+    pub filtered: [u32; LANES],
     /// 1 where anything is met.
     pub covers: [u32; LANES],
 }

@@ -38,12 +38,12 @@ dispatch! {
 fn coverage_body(exposure: &IntervalExposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
     out.clear();
     out.resize(TILE * STRIDE, 0.0);
-    let CoverageMask { surface, low_pass, loose, peak, side } = coverage_mask;
+    let CoverageMask { surface, filtered, loose, peak, side } = coverage_mask;
     if exposure.sum {
         out.iter_mut().zip(loose).for_each(|(out, loose)| *out = exposure.weight * loose);
         return;
     }
-    let bits = surface.chunks_exact(LANES).zip(low_pass.chunks_exact(LANES));
+    let bits = surface.chunks_exact(LANES).zip(filtered.chunks_exact(LANES));
     let weights = loose.chunks_exact(LANES).zip(peak.chunks_exact(LANES)).zip(side.chunks_exact(LANES));
     for (((surface, filtered), ((sum, peak), side)), out) in bits.zip(weights).zip(out.chunks_exact_mut(LANES)) {
         let mut by_discs = [0.0_f32; LANES];

@@ -61,7 +61,7 @@ impl SweepGroup<'_> {
     fn add_kernels(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
         if job.first {
             job.buffers.clear_sums(self.scope.channels.count);
-            job.buffers.clear_coverage_mask(true);
+            job.buffers.coverage_mask.clear();
         }
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);

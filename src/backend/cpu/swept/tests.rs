@@ -33,11 +33,11 @@ struct Disc {
 impl Disc {
     /// The splat, and the pixels that it may touch.
     fn splat(&self, ellipsoid: bool) -> Option<SweptSplat> {
-        self.filtered(ellipsoid, None).map(|(splat, _)| splat)
+        self.filtered(ellipsoid, 0.0).map(|(splat, _)| splat)
     }
 
     /// The splat and its kernel, filtered with a standard deviation of `sigma` pixels.
-    fn filtered(&self, ellipsoid: bool, sigma: Option<f32>) -> Option<(SweptSplat, SweptFilter)> {
+    fn filtered(&self, ellipsoid: bool, sigma: f32) -> Option<(SweptSplat, SweptFilter)> {
         let screen = |p: DVec3| (DVec3::new(FOCAL, -FOCAL, -1.0) * p).as_vec3();
         let posed =
             Posed { centre: screen(self.centre), motion: screen(self.motion), u: screen(self.u), v: screen(self.v) };
@@ -85,13 +85,13 @@ impl Disc {
             corner: [0; 2],
             wanted: None,
             near: NEAR as f32,
-            low_pass: false,
+            centre_disc: 0.0,
             margin: 0.0,
             two_sided: true,
             paths: Paths::default(),
             clusters: None,
         };
-        sweep(&view, ellipsoid, &posed, 0, sigma.map(|sigma| Filter { sigma, share: Share::ONE }))
+        sweep(&view, ellipsoid, &posed, 0, Filter { sigma, share: Share::ONE })
     }
 
     /// Makes (u, v, depth), where the ray through pixel (x, y) meets the disc's plane, of minus the disc's centre.
@@ -246,7 +246,7 @@ fn filtered_kernels_are_those_of_instants() {
     for case in 0..600 {
         let disc = Disc { motion: 0.2 * random.vector(), ..random_disc(&mut random) };
         let sigma = 0.1 + random.next();
-        let Some((splat, filter)) = disc.filtered(false, Some(sigma as f32)) else { continue };
+        let Some((splat, filter)) = disc.filtered(false, sigma as f32) else { continue };
         if filter.is_unfiltered() {
             continue;
         }
