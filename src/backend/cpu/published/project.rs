@@ -23,7 +23,7 @@ fn project_body(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, o
     out.extend(all_posed(view, surfels, range).filter_map(|(i, posed)| match moving(view, &posed)? {
         Moving::Ordinary(kernel) => {
             let low_pass = if posed.centre.z >= view.near { view.centre_disc } else { 0.0 };
-            let mut splat = kernel.splat(view, boxes(view, true, &posed, low_pass), i as u32)?;
+            let mut splat = kernel.splat(view, &boxes(view, true, &posed, low_pass), i as u32)?;
             splat.flags |= if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 };
             Some(splat)
         }

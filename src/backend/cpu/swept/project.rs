@@ -145,7 +145,7 @@ pub(super) fn sweep(
         own.ends = [0, 1].map(|i| about(&own.ends[i], &filtered.ends[i]));
         own.hull = about(&own.hull, &filtered.hull);
     }
-    let splat = kernel.splat(view, own, surfel)?;
+    let splat = kernel.splat(view, &own, surfel)?;
     Some((splat, wide.map_or_else(|| filter.none(), |wide| wide.forms(kernel.motion))))
 }
 
@@ -155,7 +155,7 @@ impl Sheared {
     pub(in crate::backend::cpu) fn splat(
         &self,
         view: &SurfelView<'_>,
-        boxes: Boxes,
+        boxes: &Boxes,
         surfel: u32,
     ) -> Option<SweptSplat> {
         let bounds = within(view, boxes.hull);
