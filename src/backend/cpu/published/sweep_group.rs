@@ -67,7 +67,8 @@ impl PublishedSweepGroup<'_> {
     /// Pass `resolve` of one tile.
     pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
         let TileBuffers { sums, group_coverage, published_mask, .. } = &mut *job.buffers;
-        let exposure = IntervalExposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
+        let exposure =
+            IntervalExposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
         coverage(&exposure, published_mask, &mut group_coverage.coverage);
         add_to_film(&self.scope, self.kernel.normalise, &job.tile, sums, &group_coverage.coverage, job.out);
     }
