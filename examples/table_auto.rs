@@ -219,13 +219,14 @@ fn static_clusters() {
             let frame = posed(&scene, number, &options);
             let mut counts = [0; 3];
             for (index, object) in frame.objects.iter().enumerate().filter(|(_, object)| !object.is_static) {
+                let Some(model) = object.shape.surfels() else { continue };
                 let on_screen = |p: Vec3| {
                     let posed = frame.groups().map(|group| &group.samples[0].objects[index]);
                     let points = posed.map(|pose| pose.screen_from_model * p + pose.screen_origin);
                     let points: Vec<Vec2> = points.map(|p| p.truncate() / p.z).collect();
                     points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f32>() < STATIC_PATH
                 };
-                let still: Vec<bool> = object.surfels.position.iter().map(|&p| on_screen(p)).collect();
+                let still: Vec<bool> = model.surfels().position.iter().map(|&p| on_screen(p)).collect();
                 let whole = still.chunks(256).filter(|cluster| cluster.iter().all(|&still| still)).map(<[bool]>::len);
                 counts[0] += still.len();
                 counts[1] += still.iter().filter(|&&still| still).count();

@@ -34,9 +34,10 @@ impl ClusterStore {
     /// The clusters of each object of `frame`.
     pub(super) fn of_frame(&mut self, frame: &Frame) -> Vec<Arc<Clusters>> {
         self.models.retain(|(model, _)| model.strong_count() > 0);
-        // Surfels that move by themselves leave their clusters.
-        let of = |object: &FrameObject| {
-            if object.paths().is_empty() { self.of(&object.surfels) } else { Arc::default() }
+        let of = |object: &FrameObject| match object.shape.surfels() {
+            Some(model) if model.paths().is_empty() => self.of(model.surfels()),
+            // Surfels that move by themselves leave their clusters.
+            _ => Arc::default(),
         };
         frame.objects.iter().map(of).collect()
     }

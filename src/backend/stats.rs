@@ -158,7 +158,7 @@ impl Stats {
     /// Samples and surfels of a frame, before anything is measured.
     pub(super) fn of(frame: &Frame) -> Self {
         let samples: u64 = frame.groups().map(|group| group.samples.len() as u64).sum();
-        let surfels: u64 = frame.objects.iter().map(|object| object.elements() as u64).sum();
+        let surfels: u64 = frame.objects.iter().map(|object| object.shape.elements() as u64).sum();
         Self { samples, surfels: samples * surfels, ..Self::default() }
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use splatblur::model::{self, ModelError};
+use splatblur::model::{self, LoadedModel, LoadedShape, ModelError};
 use splatblur::{files, scene_file};
 
 use super::info::{self, InputKind};
@@ -71,23 +71,25 @@ impl Convert {
         let progress = Loading::new(self.quiet);
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share));
         drop(progress);
-        let loaded = match loaded {
-            Err(ModelError::NoSurfels { path }) => {
-                bail!("{} is a grid of a volume; convert writes surfels, and a volume has none", path.display())
+        let (surfels, notes) = match loaded {
+            Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes }) => (surfels, notes),
+            Ok(_) | Err(ModelError::NoSurfels { .. }) => {
+                let input = self.input.display();
+                bail!("{input} is a grid of a volume; convert writes surfels, and a volume has none")
             }
-            other => other?,
+            Err(other) => return Err(other.into()),
         };
         if !self.quiet {
-            for note in &loaded.notes {
+            for note in &notes {
                 say(&format!("note: {note}"));
             }
         }
         let write = if binary { model::write_bin } else { model::write_ply };
-        write(&self.output, &loaded.surfels)?;
+        write(&self.output, &surfels)?;
         if self.quiet {
             return Ok(());
         }
-        print(&format!("{} surfels: {}\n", loaded.surfels.len(), self.output.display()))
+        print(&format!("{} surfels: {}\n", surfels.len(), self.output.display()))
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::Args;
 use serde_json::json;
-use splatblur::model::{self, MeshOptions, Spacing};
+use splatblur::model::{self, LoadedShape, MeshOptions, Spacing};
 
 use super::convert::{binary, same_file};
 use super::output::{print, print_json, say};
@@ -89,11 +89,11 @@ impl Sample {
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
         let seconds = begin.elapsed().as_secs_f64();
         drop(progress);
-        let Some(mesh) = &loaded.mesh else {
+        let LoadedShape::Surfels(surfels, Some(mesh)) = &loaded.shape else {
             bail!("{} is no mesh; sample takes a file with faces, and convert any other model", self.input.display());
         };
         let write = if binary { model::write_bin } else { model::write_ply };
-        write(&self.output, &loaded.surfels)?;
+        write(&self.output, surfels)?;
         if self.quiet {
             return Ok(());
         }
@@ -102,17 +102,14 @@ impl Sample {
         if stderr().is_terminal() {
             say(&format!("read and sampled in {seconds:.2} s"));
         }
-        let (triangles, surfels, spacing) = (mesh.triangles(), loaded.surfels.len(), mesh.spacing());
+        let (triangles, count, spacing) = (mesh.triangles(), surfels.len(), mesh.spacing());
         if self.json {
             let out = self.output.to_string_lossy();
             return print_json(&json!({
-                "triangles": triangles, "surfels": surfels, "spacing": spacing, "reduced": !self.rays.all,
-                "two_sided": loaded.surfels.two_sided, "levels": !loaded.surfels.mipmap.is_empty(), "out": out,
+                "triangles": triangles, "surfels": count, "spacing": spacing, "reduced": !self.rays.all,
+                "two_sided": surfels.two_sided, "levels": !surfels.mipmap.is_empty(), "out": out,
             }));
         }
-        print(&format!(
-            "{surfels} surfels of {triangles} triangles, spacing {spacing:.4e}: {}\n",
-            self.output.display()
-        ))
+        print(&format!("{count} surfels of {triangles} triangles, spacing {spacing:.4e}: {}\n", self.output.display()))
     }
 }

@@ -18,8 +18,7 @@ use std::sync::Arc;
 
 use crate::environment::{Environment, Surroundings};
 use crate::film::{Aov, Backdrop, Background, Blending, FilmPlanes};
-use crate::model::paths::{OwnPaths, Paths};
-use crate::model::{Gaussians, Material, Optics, Surfels};
+use crate::model::{Gaussians, Material};
 use crate::options::{Normalise, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Group, PosedInterval, PositionExposure, Published, Scenery, Step, TimeSample};
 use crate::scene::{Drawing, GaussianModel, Light, Object, Scene, Shape, SurfelModel};
@@ -109,21 +108,15 @@ pub struct PosedGroup {
 /// The properties of an object that do not change during the frame.
 #[derive(Clone, Debug)]
 pub struct FrameObject {
-    /// The surfels. They are shared, so that a backend can recognise a model that it has already uploaded.
-    pub surfels: Arc<Surfels>,
-    /// Paths of the surfels that are not their own.
-    pub own_paths: Option<Arc<OwnPaths>>,
-    /// The Gaussians of a capture; such an object has no surfels.
-    pub gaussians: Option<Arc<Gaussians>>,
-    /// How they are drawn, as the scene says.
-    pub drawing: Drawing,
+    /// What it is made of. Models are shared, so that a backend can recognise one that it has already uploaded.
+    pub shape: Shape,
     /// Does light pass through its surfels?
     pub see_through: bool,
-    /// Factor on the opacities of its surfels.
+    /// Factor on the opacities of its surfels or Gaussians.
     pub opacity: f32,
     /// Share of the surroundings that its surfels mirror.
     pub reflection: f32,
-    /// Material of the whole object; `None`: one per surfel, `surfels.material`.
+    /// Material of the whole object; `None`: one per surfel, as the model has them.
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
     pub two_sided: bool,
@@ -132,19 +125,19 @@ pub struct FrameObject {
 }
 
 impl FrameObject {
+    /// The Gaussians of a capture or kernels of a volume, and how they are drawn; `None` for other shapes.
+    pub fn drawn(&self) -> Option<(&Arc<Gaussians>, Drawing)> {
+        self.shape.gaussians().map(GaussianModel::gaussians).zip(self.shape.drawing(self.opacity.into()))
+    }
+
+    /// Has it any surfels?
+    pub fn has_surfels(&self) -> bool {
+        self.shape.surfels().is_some_and(|model| !model.surfels().is_empty())
+    }
+
     /// Is it a volume?
     pub fn is_volume(&self) -> bool {
-        self.gaussians.as_ref().is_some_and(|gaussians| gaussians.optics != Optics::Alpha)
-    }
-
-    /// How its surfels move by themselves.
-    pub fn paths(&self) -> Paths<'_> {
-        self.own_paths.as_ref().map_or_else(|| self.surfels.paths(), |own| own.paths())
-    }
-
-    /// Number of surfels or Gaussians.
-    pub fn elements(&self) -> usize {
-        self.gaussians.as_ref().map_or(self.surfels.len(), |gaussians| gaussians.len())
+        matches!(self.shape, Shape::Volume(_))
     }
 }
 
@@ -193,7 +186,7 @@ impl Frame {
     /// an object that turns has not the same to the bit at all times.
     fn has_several_tolerances(&self, group: &PosedGroup) -> bool {
         let posed = group.samples.iter().flat_map(|sample| self.objects.iter().zip(&sample.objects));
-        let shows = |object: &FrameObject| !object.surfels.is_empty() && !object.see_through;
+        let shows = |object: &FrameObject| object.has_surfels() && !object.see_through;
         let tolerances = posed.filter(|(object, posed)| shows(object) && posed.visible).map(|(_, posed)| posed.epsilon);
         let [least, most] = tolerances.fold([f32::INFINITY, 0.0], |[least, most], own| [least.min(own), most.max(own)]);
         most > least * (1.0 + 4.0 * f32::EPSILON)
@@ -279,8 +272,22 @@ impl Frame {
     fn has_static(&self) -> bool {
         let first = self.all_samples().next();
         let seen = |object: usize| first.is_some_and(|sample| sample.objects[object].visible);
-        let fixed = |object: &FrameObject| object.is_static && !object.surfels.is_empty() && !object.see_through;
+        let fixed = |object: &FrameObject| object.is_static && object.has_surfels() && !object.see_through;
         self.objects.iter().enumerate().any(|(index, object)| fixed(object) && seen(index))
+    }
+
+    /// The surfels that are visible at a sample, of static objects or others, opaque or see-through, with the index of
+    /// their object: in document order.
+    pub(crate) fn visible_surfels<'a>(
+        &'a self,
+        sample: &PosedSample,
+        is_static: bool,
+        see_through: bool,
+    ) -> impl Iterator<Item = (usize, &'a SurfelModel)> {
+        let wanted = move |object: &FrameObject| object.is_static == is_static && object.see_through == see_through;
+        let posed = self.objects.iter().zip(&sample.objects).enumerate();
+        let visible = posed.filter(move |(_, (object, posed))| posed.visible && wanted(object));
+        visible.filter_map(|(index, (object, _))| Some((index, object.shape.surfels()?)))
     }
 
     /// Are camera and lights the same in all samples?
@@ -342,18 +349,11 @@ fn blending(scene: &Scene) -> Option<Blending> {
 
 /// Material of the object: the scene's, else the file's, else the default.
 fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> FrameObject {
-    let surfels = object.shape.surfels_or_none();
-    let material = match object.material {
-        Some(material) => Some(material),
-        None if surfels.material.is_empty() => Some(Material::default()),
-        None => None,
-    };
+    let has_materials = object.shape.surfels().is_some_and(|model| !model.surfels().material.is_empty());
+    let material = object.material.or_else(|| (!has_materials).then(Material::default));
     let two_sided = options.look.two_sided || object.two_sided;
     FrameObject {
-        surfels: Arc::clone(surfels),
-        own_paths: object.shape.surfels().and_then(SurfelModel::own_paths).cloned(),
-        gaussians: object.shape.gaussians().map(|model| Arc::clone(model.gaussians())),
-        drawing: object.drawing().unwrap_or_default(),
+        shape: object.shape.clone(),
         see_through: object.is_see_through(),
         opacity: object.opacity as f32,
         reflection: object.reflection as f32,

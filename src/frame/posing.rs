@@ -50,7 +50,7 @@ impl Frame {
         let is_static = hold_static(scene, &mut rasters, exposure.stride, near);
         let objects: Vec<FrameObject> =
             scene.objects.iter().zip(is_static).map(|(object, fixed)| frame_object(object, options, fixed)).collect();
-        let mirrors = objects.iter().any(|object| object.reflection > 0.0 && !object.surfels.is_empty());
+        let mirrors = objects.iter().any(|object| object.reflection > 0.0 && object.has_surfels());
         let mut frame = Self {
             size: posing.size,
             stride: exposure.stride,

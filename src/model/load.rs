@@ -28,18 +28,29 @@ const MOST_KERNELS_A_BYTE: u64 = 8;
 /// A model, and what a user should know about how it was read.
 #[derive(Clone, Debug)]
 pub struct LoadedModel {
-    /// The model, in file order; empty where it is `gaussians`.
-    pub surfels: Surfels,
-    /// The Gaussians of a capture or the kernels of a volume, in file order; `None` for all other models, and where
-    /// they are to be surfels.
-    pub gaussians: Option<Gaussians>,
-    /// What a volume held; `None` for all other models.
-    pub volume: Option<VolumeFacts>,
-    /// The mesh that the surfels are samples of; `None` for all other models.
-    pub mesh: Option<MeshSource>,
+    /// What it is made of.
+    pub shape: LoadedShape,
     /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
     /// assumed.
     pub notes: Vec<String>,
+}
+
+/// What a model is made of, in file order: exactly one of these.
+#[derive(Clone, Debug)]
+pub enum LoadedShape {
+    /// Surfels, and the mesh that they are samples of; `None` for those of all other files.
+    Surfels(Surfels, Option<MeshSource>),
+    /// The Gaussians of a capture.
+    Capture(Gaussians),
+    /// The kernels of a volume, and what its file held.
+    Volume(Gaussians, VolumeFacts),
+}
+
+impl LoadedModel {
+    /// The mesh that its surfels are samples of; `None` for all other models.
+    pub fn mesh(&self) -> Option<&MeshSource> {
+        if let LoadedShape::Surfels(_, mesh) = &self.shape { mesh.as_ref() } else { None }
+    }
 }
 
 /// A mesh, and how it was sampled.
@@ -181,13 +192,10 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
-        Parsed::Surfels(surfels) => Ok(ready(LoadedModel {
-            surfels: adjust(surfels, options),
-            gaussians: None,
-            volume: None,
-            mesh: None,
-            notes: Vec::new(),
-        })),
+        Parsed::Surfels(surfels) => {
+            let shape = LoadedShape::Surfels(adjust(surfels, options), None);
+            Ok(ready(LoadedModel { shape, notes: Vec::new() }))
+        }
         Parsed::Cloud(cloud) => completed(cloud, options, path, progress).map(ready),
     }
 }
@@ -260,7 +268,7 @@ fn completed(
     })?;
     notes.extend(completed);
     notes.extend(inward::note(&surfels));
-    Ok(LoadedModel { surfels, gaussians: None, volume: None, mesh: None, notes })
+    Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, None), notes })
 }
 
 /// The vertices of a mesh as points.
@@ -301,7 +309,7 @@ pub fn sample_mesh(
         Unsampled::Fine { spacing, least } => ModelError::FineSpacing { path: path.to_owned(), spacing, least },
     })?;
     progress("sampling", 1.0);
-    if loaded.surfels.is_empty() {
+    if matches!(&loaded.shape, LoadedShape::Surfels(surfels, _) if surfels.is_empty()) {
         let dropped = format!(": {}", loaded.notes.join("; "));
         return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped });
     }
@@ -313,8 +321,8 @@ fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<L
     let mut notes = mesh.notes.clone();
     notes.extend(of_sampling);
     notes.extend(inward::note(&surfels));
-    let mesh = Some(MeshSource { mesh, options, radius_scale, spacing });
-    Ok(LoadedModel { surfels, gaussians: None, volume: None, mesh, notes })
+    let mesh = MeshSource { mesh, options, radius_scale, spacing };
+    Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, Some(mesh)), notes })
 }
 
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
@@ -335,7 +343,7 @@ fn of_volume(made: Result<Made, ParseError>, path: &Path) -> Result<LoadedModel,
         why.push("no sample has an extinction above 0".to_owned());
         return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: format!(": {}", why.join("; ")) });
     }
-    Ok(LoadedModel { surfels: Surfels::default(), gaussians: Some(gaussians), volume: Some(facts), mesh: None, notes })
+    Ok(LoadedModel { shape: LoadedShape::Volume(gaussians, facts), notes })
 }
 
 /// Refuses captures of programs that keep the meaning of their bytes to themselves, or spread them over many files.
@@ -383,7 +391,7 @@ fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Resu
     if let Some(space) = options.colour_space {
         gaussians.linear = space == ColourSpace::Linear;
     }
-    Ok(LoadedModel { surfels: Surfels::default(), gaussians: Some(gaussians), volume: None, mesh: None, notes })
+    Ok(LoadedModel { shape: LoadedShape::Capture(gaussians), notes })
 }
 
 /// What the readers give.

@@ -58,7 +58,7 @@ pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
 pub use format::ModelFormat;
 pub(crate) use inward::INWARD;
-pub use load::{LoadedModel, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
+pub use load::{LoadedModel, LoadedShape, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub(crate) use load::{ReadFile, open};
 pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
 pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels, VelocityUnit};

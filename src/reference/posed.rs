@@ -168,7 +168,7 @@ impl<'a> World<'a> {
             .objects
             .iter()
             .map(|object| {
-                let drawing = object.drawing().unwrap_or_default();
+                let drawing = object.shape.drawing(object.opacity).unwrap_or_default();
                 let form = match &object.shape {
                     Shape::Sphere(sphere) => Form::Sphere(*sphere),
                     Shape::Gaussians { model, .. } => Form::Gaussians(tree_of(&mut shown, model.gaussians(), drawing)),
@@ -375,7 +375,7 @@ impl<'a> Body<'a> {
             object,
             surfels: object.shape.surfels_or_none(),
             form,
-            drawing: object.drawing().unwrap_or_default(),
+            drawing: object.shape.drawing(object.opacity).unwrap_or_default(),
             see_through: matches!(form, Form::Model(_)) && object.is_see_through(),
             pace: if object.blur {
                 (scene.shutter.close - scene.shutter.open) * object.time_units(scene.frames.rate)

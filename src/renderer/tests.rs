@@ -64,8 +64,9 @@ fn the_meter_counts_all_steps() {
 #[test]
 fn a_model_takes_its_memory_once() {
     let loaded = load(Path::new("scenes/models/swarm.1.ply"), &LoadOptions::default(), &|_, _| {}).unwrap();
-    let model = Arc::new(loaded.surfels);
-    let scene = Scene::new([Object::new(Arc::clone(&model)), Object::new(Arc::clone(&model))]);
+    let shape = Shape::from(loaded);
+    let model = shape.surfels().unwrap().surfels();
+    let scene = Scene::new([Object::new(Arc::clone(model)), Object::new(Arc::clone(model))]);
     let frame = Frame::new(&scene, 0, BlurMode::supersample(1), &RenderOptions::default());
     // Position, two axes, normal and colour of each surfel.
     assert!(frame.model_bytes >= 60 * model.len() as u64, "{} for {}", frame.model_bytes, model.len());

@@ -9,7 +9,7 @@ use super::sequence::Sequence;
 use crate::limits::Invalid;
 use crate::math::Bounds;
 use crate::model::paths::Paths;
-use crate::model::{Gaussians, LoadedModel, Optics, Surfels, VelocityUnit};
+use crate::model::{Gaussians, LoadedModel, LoadedShape, Optics, Surfels, VelocityUnit};
 
 /// What an object is made of: exactly one of these.
 #[derive(Clone, Debug)]
@@ -162,6 +162,16 @@ impl Shape {
         }
     }
 
+    /// How its Gaussians are drawn, with a factor on all opacities; `None` for other shapes.
+    pub(crate) fn drawing(&self, opacity: f64) -> Option<Drawing> {
+        let (GaussianModel { crop, flat, .. }, Capture { harmonics, antialias }) = match self {
+            Self::Gaussians { model, capture } => (model, *capture),
+            Self::Volume(model) => (model, Capture::default()),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => return None,
+        };
+        Some(Drawing { opacity, harmonics, crop: *crop, antialias, flat: *flat })
+    }
+
     /// Why it cannot be rendered; `None` if it can.
     pub(crate) fn flaw(&self) -> Option<&Invalid> {
         match self {
@@ -206,6 +216,27 @@ impl Capture {
 impl Default for Capture {
     fn default() -> Self {
         Self { harmonics: Self::MOST_HARMONICS, antialias: None }
+    }
+}
+
+/// How Gaussians of a capture or kernels of a volume are drawn: all that an object says of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drawing {
+    /// Factor on all opacities, in [0, 1].
+    pub opacity: f64,
+    /// Highest degree of harmonics that colours have, as far as the capture has them.
+    pub harmonics: u8,
+    /// The box of the centres that show, model space; both corners belong to it. `None`: all show.
+    pub crop: Option<[DVec3; 2]>,
+    /// Whether a Gaussian that is widened by the filter loses opacity; `None`: as the file says.
+    pub antialias: Option<bool>,
+    /// The colour of all, linear Rec.709, in place of their own.
+    pub flat: Option<Vec3>,
+}
+
+impl Default for Drawing {
+    fn default() -> Self {
+        Self { opacity: 1.0, harmonics: Capture::MOST_HARMONICS, crop: None, antialias: None, flat: None }
     }
 }
 
@@ -273,10 +304,13 @@ impl From<Sphere> for Shape {
 impl From<LoadedModel> for Shape {
     /// Surfels are sorted along a curve through space.
     fn from(loaded: LoadedModel) -> Self {
-        if let Some(gaussians) = loaded.gaussians {
-            return GaussianModel::checked(Arc::new(gaussians)).into();
+        match loaded.shape {
+            LoadedShape::Surfels(surfels, mesh) => {
+                SurfelModel::checked(Arc::new(surfels.spatially_ordered())).of_mesh(mesh.is_some()).into()
+            }
+            LoadedShape::Capture(gaussians) | LoadedShape::Volume(gaussians, _) => {
+                GaussianModel::checked(Arc::new(gaussians)).into()
+            }
         }
-        let mesh = loaded.mesh.is_some();
-        SurfelModel::checked(Arc::new(loaded.surfels.spatially_ordered())).of_mesh(mesh).into()
     }
 }

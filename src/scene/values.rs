@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3};
 
-use super::model::{GaussianModel, Piece, SurfelModel};
-use super::shape::{Capture, Shape};
+use super::model::{Piece, SurfelModel};
+use super::shape::Shape;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::environment::Environment;
 use crate::files::Seen;
@@ -343,20 +343,6 @@ impl Object {
         model.is_some_and(|model| self.opacity * f64::from(model.least_opacity()) < OPAQUE)
     }
 
-    /// How its Gaussians are drawn; `None` for other shapes.
-    pub(crate) fn drawing(&self) -> Option<Drawing> {
-        let opacity = self.opacity;
-        match &self.shape {
-            Shape::Gaussians { model: GaussianModel { crop, flat, .. }, capture: Capture { harmonics, antialias } } => {
-                Some(Drawing { opacity, harmonics: *harmonics, crop: *crop, antialias: *antialias, flat: *flat })
-            }
-            Shape::Volume(GaussianModel { crop, flat, .. }) => {
-                Some(Drawing { opacity, crop: *crop, flat: *flat, ..Drawing::default() })
-            }
-            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere(_) => None,
-        }
-    }
-
     /// The part of a sequence that it shows in this frame.
     pub(crate) fn piece(&self) -> Option<&Piece> {
         self.shape.surfels()?.piece()
@@ -379,30 +365,11 @@ impl Object {
     }
 }
 
-/// How Gaussians of a capture or kernels of a volume are drawn: all that an object says of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drawing {
-    /// Factor on all opacities, in [0, 1].
-    pub opacity: f64,
-    /// Highest degree of harmonics that colours have, as far as the capture has them.
-    pub harmonics: u8,
-    /// The box of the centres that show, model space; both corners belong to it. `None`: all show.
-    pub crop: Option<[DVec3; 2]>,
-    /// Whether a Gaussian that is widened by the filter loses opacity; `None`: as the file says.
-    pub antialias: Option<bool>,
-    /// The colour of all, linear Rec.709, in place of their own.
-    pub flat: Option<Vec3>,
-}
-
-impl Default for Drawing {
-    fn default() -> Self {
-        Self { opacity: 1.0, harmonics: Capture::MOST_HARMONICS, crop: None, antialias: None, flat: None }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
+
+    use glam::Vec3;
 
     use super::*;
     use crate::model::generate;

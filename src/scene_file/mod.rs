@@ -105,7 +105,7 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec
     let progress = options.progress.unwrap_or(&silent);
     let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;
     let mut notes: Vec<String> = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
-    let mesh = loaded.mesh.clone();
+    let mesh = loaded.mesh().cloned();
     let mut object = Object::new(loaded);
     path.clone_into(&mut object.source.path);
     let shape = object.shape.clone();

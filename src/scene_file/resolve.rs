@@ -17,7 +17,7 @@ use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, Trac
 use crate::environment::{Environment, LatLong};
 use crate::files::Seen;
 use crate::image;
-use crate::model::{self, MeshOptions, MeshSource, ReadFile, Spacing};
+use crate::model::{self, LoadedShape, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::scene::{
     self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Object, Opened, PointMotion, Scene, Sequence,
     SequenceSpec, Shape,
@@ -430,8 +430,8 @@ impl Files<'_> {
                 model::sample_mesh(mesh, &options, path, progress).map_err(refuse)?
             }
         };
-        if loaded.mesh.is_some() {
-            self.sampled += loaded.surfels.len() as u64;
+        if let LoadedShape::Surfels(surfels, Some(_)) = &loaded.shape {
+            self.sampled += surfels.len() as u64;
         }
         if self.sampled > MOST_SAMPLED {
             return Err(SceneError::BadValue {
@@ -441,7 +441,7 @@ impl Files<'_> {
                 expected: format!("at most {MOST_SAMPLED} in all, by wider `spacing` or fewer meshes"),
             });
         }
-        let mesh = loaded.mesh.clone();
+        let mesh = loaded.mesh().cloned();
         if mesh.is_none() || !is_auto {
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
         }

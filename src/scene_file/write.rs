@@ -246,7 +246,7 @@ impl Xml {
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
         attributes.extend(node.clone().map(|node| ("node", node)));
-        if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.drawing() {
+        if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.shape.drawing(object.opacity) {
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
             if let Some([min, max]) = crop {
                 attributes.extend([("cropMin", vector(min)), ("cropMax", vector(max))]);

@@ -163,7 +163,7 @@ fn moments_divide_the_shutter() {
     let opened = AtomicU32::new(0);
     let mut scene = scene();
     let points = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/models/swarm.1.ply");
-    let mut object = Object::new(load(Path::new(points), &LoadOptions::default(), &|_, _| {}).unwrap().surfels);
+    let mut object = Object::new(load(Path::new(points), &LoadOptions::default(), &|_, _| {}).unwrap());
     object.motions.push(Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.0) });
     scene.objects = vec![object];
     let moments = trial_of(scene.clone(), &opened).moments(3.into()).unwrap();

@@ -14,6 +14,7 @@ use splatblur::model::{LoadOptions, Surfels, load};
 use tempfile::TempDir;
 
 use crate::run;
+use crate::support::surfels;
 
 const TABLE: &str = include_str!("../../docs/what-is-taken.md");
 
@@ -38,13 +39,18 @@ fn info(dir: &Path, name: &str) -> String {
     said
 }
 
+/// The surfels of a file.
+fn read(path: &Path) -> Surfels {
+    surfels(load(path, &LoadOptions::default(), &|_, _| {}).unwrap())
+}
+
 /// `info` takes the file, and prints the line if there is one, which the table has.
 fn noted(name: &str, bytes: impl AsRef<[u8]>, line: &str) -> Surfels {
     let dir = folder(&[(name, bytes)]);
     let said = info(dir.path(), name);
     assert!(said.lines().any(|printed| printed == format!("note: {line}")), "expected {line}\n{said}");
     is_in_table(line);
-    load(&dir.path().join(name), &LoadOptions::default(), &|_, _| {}).unwrap().surfels
+    read(&dir.path().join(name))
 }
 
 /// `info` refuses the file with exit status 2 and one line, which ends in one of the table.
@@ -141,7 +147,7 @@ fn whole_numbers_that_are_not_what_their_type_says() {
         } else {
             let dir = folder(&[("a.ply", text)]);
             assert!(info(dir.path(), "a.ply").contains(&line), "{kind}");
-            load(&dir.path().join("a.ply"), &LoadOptions::default(), &|_, _| {}).unwrap().surfels
+            read(&dir.path().join("a.ply"))
         };
         let linear = [200.0_f32, 100.0, 50.0].map(|byte| srgb::to_linear(byte / 255.0));
         assert!(is_near(found.colour[0], linear), "{kind}: {}", found.colour[0]);
@@ -171,7 +177,7 @@ fn whole_numbers_that_are_not_what_their_type_says() {
     // The length does not count, so signed bytes need no note.
     let dir = folder(&[("a.ply", three("char", &normals, [&[0.0, 0.0, -127.0]; 3]))]);
     assert!(!info(dir.path(), "a.ply").contains("normals"));
-    let found = load(&dir.path().join("a.ply"), &LoadOptions::default(), &|_, _| {}).unwrap().surfels;
+    let found = read(&dir.path().join("a.ply"));
     assert_eq!(found.normal, [-Vec3::Z; 3]);
 
     let line = "opacities of type uchar are 0 or 1: 1 is taken as opaque";
@@ -275,7 +281,7 @@ fn textures_and_versions_of_gltf() {
     let red = |found: &Surfels| found.colour.iter().all(|c| is_near(*c, [1.0, 0.0, 0.0]));
     let dir = folder(&[("a.gltf", gltf(|_| {}))]);
     assert!(!info(dir.path(), "a.gltf").contains("TEXCOORD"));
-    let found = load(&dir.path().join("a.gltf"), &LoadOptions::default(), &|_, _| {}).unwrap().surfels;
+    let found = read(&dir.path().join("a.gltf"));
     assert!(red(&found), "{:?}", found.colour[0]);
     let other_set =
         gltf(|text| text["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = json!(1));

@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 use splatblur::{anim, image, model, scene_file};
 
+use crate::support;
+
 /// Most that one small file may take to be read or refused: no file is a hang. The clock counts other tests, too.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -44,8 +46,9 @@ const TARGETS: [(&str, &str, Read); 17] = [
 const OF_FORMATS: [&str; 2] = ["sog", "spz"];
 
 fn read_model(path: &Path) -> anyhow::Result<()> {
-    let gaussians = model::load(path, &model::LoadOptions::default(), &|_, _| {})?.gaussians;
-    if let Some(g) = gaussians {
+    let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;
+    if !matches!(loaded.shape, model::LoadedShape::Surfels(..)) {
+        let g = support::gaussians(loaded);
         assert!(!g.is_empty(), "a capture without Gaussians was accepted");
         for i in 0..g.len() {
             let vectors = [g.position[i], g.sigma[i], g.base[i]];
@@ -54,7 +57,7 @@ fn read_model(path: &Path) -> anyhow::Result<()> {
         }
     }
     let surfels = model::LoadOptions { kind: Some(model::Kind::Surfels), ..model::LoadOptions::default() };
-    let s = model::load(path, &surfels, &|_, _| {})?.surfels;
+    let s = support::surfels(model::load(path, &surfels, &|_, _| {})?);
     assert!(!s.is_empty(), "a model without surfels was accepted");
     for i in 0..s.len() {
         let vectors = [s.position[i], s.axis_u[i], s.axis_v[i], s.normal[i], s.colour[i]];
@@ -104,7 +107,7 @@ fn read_volume(path: &Path) -> anyhow::Result<()> {
     let volume = model::VolumeOptions { flatten: 3.0, lit: true, ..model::VolumeOptions::default() };
     for volume in [model::VolumeOptions::default(), volume] {
         let options = model::LoadOptions { volume, ..model::LoadOptions::default() };
-        let g = model::load(path, &options, &|_, _| {})?.gaussians.expect("a volume");
+        let g = support::gaussians(model::load(path, &options, &|_, _| {})?);
         assert!(!g.is_empty(), "a volume without kernels was accepted");
         for i in 0..g.len() {
             assert!([g.position[i], g.sigma[i], g.base[i]].iter().all(|v| v.is_finite()), "kernel {i} is not finite");

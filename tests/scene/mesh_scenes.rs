@@ -49,7 +49,7 @@ fn square(material: &Value, opacity: u8) -> Vec<u8> {
 
 fn sampled(path: &Path, spacing: Spacing) -> Surfels {
     let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..LoadOptions::default() };
-    model::load(path, &options, &|_, _| {}).unwrap().surfels
+    support::surfels(model::load(path, &options, &|_, _| {}).unwrap())
 }
 
 fn of_square(material: &Value, opacity: u8) -> Surfels {
@@ -182,7 +182,7 @@ fn levels_of_texture_come_back_from_a_file() {
     assert!(first.mipmap.len() == first.len() && first.mipmap.iter().any(|levels| levels[0] != levels[2]));
     let path = folder.path().join("box.bin");
     model::write_bin(&path, &first).unwrap();
-    let second = model::load(&path, &LoadOptions::default(), &|_, _| {}).unwrap().surfels;
+    let second = support::surfels(model::load(&path, &LoadOptions::default(), &|_, _| {}).unwrap());
     assert!(second.mipmap == first.mipmap && second.colour == first.colour && second.axis_v == first.axis_v);
 }
 

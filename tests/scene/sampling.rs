@@ -93,10 +93,13 @@ fn sphere(n: u32, bump: impl Fn(DVec3) -> f64) -> Mesh {
     mesh(position, &corners)
 }
 
-fn sampled(mesh: &Mesh, spacing: Spacing, reduce: bool) -> LoadedModel {
+fn sample(mesh: &Mesh, spacing: Spacing, reduce: bool) -> Result<LoadedModel, ModelError> {
     let options = LoadOptions { mesh: MeshOptions { spacing, reduce }, ..LoadOptions::default() };
     model::sample_mesh(mesh.clone(), &options, Path::new("made in code"), &|_, _| {})
-        .unwrap_or_else(|error| unreachable!("{error}"))
+}
+
+fn sampled(mesh: &Mesh, spacing: Spacing, reduce: bool) -> Surfels {
+    support::surfels(sample(mesh, spacing, reduce).unwrap_or_else(|error| unreachable!("{error}")))
 }
 
 /// Points spread evenly over a mesh.
@@ -186,7 +189,7 @@ fn discs_reach_every_point_of_the_surface() {
         let points = points(&mesh, 100_000, 7);
         for reduce in [false, true] {
             for spacing in [0.02, 0.0137] {
-                let surfels = sampled(&mesh, Spacing::Of(spacing), reduce).surfels;
+                let surfels = sampled(&mesh, Spacing::Of(spacing), reduce);
                 let worst = worst(&surfels, &points);
                 println!("{name}, reduce {reduce}, spacing {spacing}: {} surfels, {worst:.4}", surfels.len());
                 assert!(worst <= 1.0, "{name}, reduce {reduce}, spacing {spacing}: {worst}");
@@ -209,7 +212,7 @@ fn discs_reach_every_point_of_the_surface() {
 #[test]
 fn discs_keep_off_sharp_edges() {
     let spacing = 0.02;
-    let s = sampled(&cuboid(DVec3::ONE), Spacing::Of(spacing), true).surfels;
+    let s = sampled(&cuboid(DVec3::ONE), Spacing::Of(spacing), true);
     let fine = (0..s.len()).map(|i| f64::from(s.radius(i))).fold(spacing, f64::min);
     assert!(fine < 0.6 * spacing, "{fine}");
     // How far the box of each disc is beyond that of the cube, fine spacings.
@@ -237,7 +240,7 @@ fn surfels_are_finer_where_looks_jump() {
         Mesh { uv, textures: vec![texture], materials: vec![material.clone(), material], ..flat }
     };
     let fine = |mesh: &Mesh| {
-        let s = sampled(mesh, Spacing::Of(0.01), true).surfels;
+        let s = sampled(mesh, Spacing::Of(0.01), true);
         let in_middle = |p: &Vec3| (*p + s.origin.as_vec3() - Vec3::new(0.5, 0.5, 0.0)).length() < 0.2;
         (0..s.len()).filter(|&i| in_middle(&s.position[i]) && s.radius(i) < 0.0099).count()
     };
@@ -260,7 +263,7 @@ fn reduced_surfels_of_one_axis_keep_their_distance() {
     for (name, mesh) in [("sphere", sphere(24, |_| 1.0)), ("torus", torus(40, 24)), ("cube", cuboid(DVec3::ONE))] {
         let mesh = turned(mesh, DVec3::new(0.2, 0.5, 1.0), 0.3);
         let spacing = 0.05;
-        let s = sampled(&mesh, Spacing::Of(spacing), true).surfels;
+        let s = sampled(&mesh, Spacing::Of(spacing), true);
         let axis = |i: usize| {
             let across = s.axis_u[i].cross(s.axis_v[i]).abs();
             (0..3).max_by(|&a, &b| across[a].total_cmp(&across[b])).unwrap()
@@ -299,7 +302,7 @@ fn reduced_surfels_of_one_axis_keep_their_distance() {
 fn a_number_of_surfels_is_nearly_met() {
     for (name, mesh) in shapes().into_iter().filter(|(name, _)| *name != "wire") {
         for reduce in [false, true] {
-            let found = sampled(&mesh, Spacing::Surfels(50_000), reduce).surfels.len() as f64;
+            let found = sampled(&mesh, Spacing::Surfels(50_000), reduce).len() as f64;
             // Surfels that no ray made are not foreseen: on the bumpy sphere, whose bumps are as large as four
             // spacings, they are 8 % of all, on the spikes 10 %.
             assert!((found / 5e4 - 1.0).abs() < 0.105, "{name}, reduce {reduce}: {found}");
@@ -314,7 +317,7 @@ fn a_part_below_the_spacing_stays() {
     let first = whole.position.len() as u32;
     whole.position.extend(speck.position.iter().map(|p| *p + DVec3::new(0.9, 0.03, 0.01)));
     whole.triangles.extend(speck.triangles.iter().map(|t| Triangle { corners: t.corners.map(|v| v + first), ..*t }));
-    let s = sampled(&whole, Spacing::Of(0.05), true).surfels;
+    let s = sampled(&whole, Spacing::Of(0.05), true);
     let far: Vec<usize> = (0..s.len()).filter(|&i| s.origin.x + f64::from(s.position[i].x) > 0.7).collect();
     assert_eq!(far.len(), 1);
     let at = s.origin + s.position[far[0]].as_dvec3();
@@ -327,7 +330,7 @@ fn the_number_of_threads_does_not_matter() {
     let mesh = sphere(60, |p| 1.0 + 0.05 * (9.0 * p.x).sin());
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let s = pool.install(|| sampled(&mesh, Spacing::Surfels(60_000), true)).surfels;
+        let s = pool.install(|| sampled(&mesh, Spacing::Surfels(60_000), true));
         (s.position, s.axis_u, s.normal, s.colour)
     };
     let one = with(1);
@@ -336,39 +339,36 @@ fn the_number_of_threads_does_not_matter() {
 
 #[test]
 fn sides_follow_edges_and_materials() {
-    assert!(!sampled(&cuboid(DVec3::ONE), Spacing::Of(0.1), true).surfels.two_sided);
+    assert!(!sampled(&cuboid(DVec3::ONE), Spacing::Of(0.1), true).two_sided);
     let mut open = cuboid(DVec3::ONE);
     open.triangles.pop();
-    assert!(sampled(&open, Spacing::Of(0.1), true).surfels.two_sided);
+    assert!(sampled(&open, Spacing::Of(0.1), true).two_sided);
     let mut cloth = cuboid(DVec3::ONE);
     cloth.materials[0].two_sided = true;
-    assert!(sampled(&cloth, Spacing::Of(0.1), true).surfels.two_sided);
+    assert!(sampled(&cloth, Spacing::Of(0.1), true).two_sided);
 }
 
 #[test]
 fn bad_meshes_are_refused_in_words() {
-    let sample = |mesh: Mesh, spacing: Spacing| {
-        let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..LoadOptions::default() };
-        model::sample_mesh(mesh, &options, Path::new("m.ply"), &|_, _| {}).map(|loaded| loaded.surfels.len())
-    };
+    let sample = |mesh: &Mesh, spacing: Spacing| sample(mesh, spacing, true);
     let flat = mesh(vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0], &[[0, 1, 2], [0, 0, 1]]);
-    assert!(matches!(sample(flat, Spacing::Auto), Err(ModelError::FlatMesh { triangles: 2, .. })));
+    assert!(matches!(sample(&flat, Spacing::Auto), Err(ModelError::FlatMesh { triangles: 2, .. })));
     let nan = mesh(vec![DVec3::NAN, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
-    assert!(matches!(sample(nan, Spacing::Auto), Err(ModelError::FlatMesh { .. })));
-    assert!(matches!(sample(cuboid(DVec3::ONE), Spacing::Of(1e-6)), Err(ModelError::FineSpacing { .. })));
+    assert!(matches!(sample(&nan, Spacing::Auto), Err(ModelError::FlatMesh { .. })));
+    assert!(matches!(sample(&cuboid(DVec3::ONE), Spacing::Of(1e-6)), Err(ModelError::FineSpacing { .. })));
     // A good triangle among them is sampled, and a note counts the others.
     let mixed = mesh(vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0, DVec3::Y], &[[0, 1, 2], [0, 1, 3]]);
-    let loaded = sampled(&mixed, Spacing::Of(0.1), true);
-    assert!(loaded.surfels.len() > 40);
+    let loaded = sample(&mixed, Spacing::Of(0.1)).unwrap();
     assert_eq!(loaded.notes[0], "1 of 2 triangles dropped: without an area");
+    assert!(support::surfels(loaded).len() > 40);
     // Needles and huge or tiny boxes take no longer than others.
     for size in [1e-16, 1e17] {
-        assert!(sample(cuboid(DVec3::splat(size)), Spacing::Auto).unwrap() > 100_000);
+        assert!(sampled(&cuboid(DVec3::splat(size)), Spacing::Auto, true).len() > 100_000);
     }
     let needles: Vec<DVec3> =
         (0..3000).map(|i| DVec3::new(f64::from(i % 3), f64::from(i * i % 7) * 1e-7, 0.0)).collect();
     let corners: Vec<[u32; 3]> = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    assert!(sample(mesh(needles, &corners), Spacing::Auto).is_ok());
+    assert!(sample(&mesh(needles, &corners), Spacing::Auto).is_ok());
 }
 
 /// A square of side 1 with a texture under an affine map, and the linear light of every texel.
@@ -447,7 +447,7 @@ fn textures_are_filtered_as_by_the_sum_over_all_texels() {
     ] {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             let (mesh, linear) = textured(size, wrap, map, tilt, 3);
-            let s = sampled(&mesh, Spacing::Of(spacing), true).surfels;
+            let s = sampled(&mesh, Spacing::Of(spacing), true);
             assert_eq!(s.mipmap.len(), s.len());
             for i in (0..s.len()).step_by(11) {
                 let at = (s.origin + s.position[i].as_dvec3()).truncate();
@@ -476,7 +476,7 @@ fn far_off_places_of_a_texture_are_found() {
             let far = f32::MAX * (2.0 * random.next() as f32 - 1.0);
             let (mut mesh, _) = textured([61, 43], wrap, DMat2::IDENTITY, DVec2::ZERO, 9);
             mesh.uv = vec![Vec2::new(far, 0.3); 4];
-            let s = sampled(&mesh, Spacing::Of(0.2), true).surfels;
+            let s = sampled(&mesh, Spacing::Of(0.2), true);
             let sound = |c: &Vec3| c.min_element() >= 0.0 && c.max_element() <= 1.0001;
             assert!(s.colour.iter().chain(s.mipmap.iter().flatten()).all(sound), "{wrap:?} {far}");
         }
@@ -487,13 +487,13 @@ fn far_off_places_of_a_texture_are_found() {
 fn colours_without_a_map_and_without_a_texture() {
     let (mut mesh, linear) = textured([4, 4], Wrap::Repeat, DMat2::IDENTITY, DVec2::ZERO, 9);
     mesh.uv = vec![Vec2::new(0.625, 0.375); 4];
-    let s = sampled(&mesh, Spacing::Of(0.1), true).surfels;
+    let s = sampled(&mesh, Spacing::Of(0.1), true);
     // One texel, with what the tent takes of its neighbours.
     let truth = brute(&linear, [4, 4], Wrap::Repeat, DVec2::new(0.625, 0.375), DMat2::ZERO, 1.0);
     assert!(s.colour.iter().all(|c| (c.as_dvec3() - truth).abs().max_element() < 0.02));
     mesh.materials[0].texture = None;
     mesh.colour = vec![Vec3::new(0.25, 0.5, 1.0).extend(1.0); 4];
-    let s = sampled(&mesh, Spacing::Of(0.1), true).surfels;
+    let s = sampled(&mesh, Spacing::Of(0.1), true);
     assert!(s.mipmap.is_empty() && s.opacity.is_empty());
     assert!(s.colour.iter().all(|c| (*c - Vec3::new(0.25, 0.5, 1.0)).abs().max_element() < 1e-6));
 }
@@ -530,9 +530,9 @@ fn closed_meshes_have_no_holes_from_26_sides() {
     for (name, mesh) in closed() {
         let truth =
             Triangles::new(mesh.triangles.iter().map(|t| t.corners.map(|v| mesh.position[v as usize])).collect());
-        let loaded = sampled(&mesh, Spacing::Of(spacing), true);
-        assert!(!loaded.surfels.two_sided, "{name} is closed");
-        let object = support::object(loaded.surfels.spatially_ordered());
+        let surfels = sampled(&mesh, Spacing::Of(spacing), true);
+        assert!(!surfels.two_sided, "{name} is closed");
+        let object = support::object(surfels.spatially_ordered());
         let (mut seen, mut off, mut deepest) = (0, 0, 0.0_f64);
         for place in (0..27).filter(|&i| i != 13) {
             let direction = DVec3::from([place % 3 - 1, place / 3 % 3 - 1, place / 9 - 1].map(f64::from));
@@ -586,7 +586,7 @@ fn discs_lie_in_their_faces_and_look_outwards() {
     let turn = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 1.0));
     let mut cube = cuboid(DVec3::ONE);
     cube.position.iter_mut().for_each(|p| *p = turn * *p);
-    let s = sampled(&cube, Spacing::Of(0.05), true).surfels;
+    let s = sampled(&cube, Spacing::Of(0.05), true);
     for i in 0..s.len() {
         let out = turn.transpose() * (s.origin + s.position[i].as_dvec3());
         let normal = turn.transpose() * s.normal[i].as_dvec3();

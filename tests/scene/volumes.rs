@@ -6,9 +6,11 @@ use std::fs;
 use std::path::PathBuf;
 
 use glam::{DVec3, Vec3};
-use splatblur::model::{self, Gaussians, Kind, LoadOptions, ModelError, Optics, VolumeOptions};
+use splatblur::model::{self, Gaussians, Kind, LoadOptions, LoadedShape, ModelError, Optics, VolumeOptions};
 use splatblur::scene::{Object, Scene, Shape};
 use splatblur::scene_file::{self, SceneError, to_xml};
+
+use crate::support;
 
 /// A directory with `grid.nrrd`, 4 x 3 x 2 values from 0 to 23, and `samples.ply`.
 struct Dir(tempfile::TempDir);
@@ -36,7 +38,7 @@ impl Dir {
     }
 
     fn kernels(&self, name: &str, options: &LoadOptions) -> Gaussians {
-        self.load(name, options).unwrap().gaussians.unwrap()
+        support::gaussians(self.load(name, options).unwrap())
     }
 
     fn scene(&self, text: &str) -> Result<scene_file::LoadedScene, SceneError> {
@@ -56,10 +58,9 @@ const RAMP: &str = "<transferFunction><stop value='0' opacity='0' colour='1 0 0'
 fn a_grid_is_a_model() {
     let dir = Dir::new();
     let loaded = dir.load("grid.nrrd", &LoadOptions::default()).unwrap();
-    let facts = loaded.volume.as_ref().unwrap();
+    let LoadedShape::Volume(g, facts) = loaded.shape else { panic!("{:?}", loaded.notes) };
     assert_eq!((facts.sizes, facts.spacings, facts.storage), (Some([4, 3, 2]), [0.5, 1.0, 2.0], "uint8"));
     assert_eq!((facts.samples, facts.range), (24, [0.0, 23.0]));
-    let g = loaded.gaussians.unwrap();
     // The least value shows nothing.
     assert_eq!((g.len(), g.position[0], g.position[22]), (23, Vec3::new(0.5, 0.0, 0.0), Vec3::new(1.5, 2.0, 2.0)));
     assert_eq!(g.sigma[0], Vec3::new(0.3, 0.6, 1.2));
@@ -198,8 +199,8 @@ fn bad_words_are_refused() {
 fn points_with_densities_and_radii_are_a_volume() {
     let dir = Dir::new();
     let loaded = dir.load("samples.ply", &LoadOptions::default()).unwrap();
-    assert_eq!(loaded.volume.unwrap().sizes, None);
-    let g = loaded.gaussians.unwrap();
+    let LoadedShape::Volume(g, facts) = loaded.shape else { panic!("{:?}", loaded.notes) };
+    assert_eq!(facts.sizes, None);
     assert_eq!((g.len(), &g.opacity[..]), (2, &[2.0 * 0.125, 4.0 / 64.0][..]));
     assert_eq!(g.sigma, [Vec3::splat(0.3), Vec3::splat(0.15)]);
     assert!((g.colour(0) - Vec3::X).abs().max_element() < 1e-6);
@@ -207,13 +208,13 @@ fn points_with_densities_and_radii_are_a_volume() {
     // Or surfels, where the scene says so, and by themselves where they have normals or lack radii.
     let surfels = dir.load("samples.ply", &LoadOptions { kind: Some(Kind::Surfels), ..LoadOptions::default() });
     let surfels = surfels.unwrap();
-    assert!(surfels.gaussians.is_none() && surfels.surfels.len() == 3);
     assert!(surfels.notes.iter().any(|note| note.contains("`density` ignored")), "{:?}", surfels.notes);
+    assert_eq!(support::surfels(surfels).len(), 3);
     fs::write(dir.path("samples.ply"), SAMPLES.replace("radius", "range")).unwrap();
-    assert_eq!(dir.load("samples.ply", &LoadOptions::default()).unwrap().surfels.len(), 3);
+    assert_eq!(support::surfels(dir.load("samples.ply", &LoadOptions::default()).unwrap()).len(), 3);
     fs::write(dir.path("samples.ply"), SAMPLES.replace("red", "nx").replace("green", "ny").replace("blue", "nz"))
         .unwrap();
-    assert_eq!(dir.load("samples.ply", &LoadOptions::default()).unwrap().surfels.len(), 3);
+    assert_eq!(support::surfels(dir.load("samples.ply", &LoadOptions::default()).unwrap()).len(), 3);
     let as_volume = LoadOptions { kind: Some(Kind::Volume), ..LoadOptions::default() };
     assert_eq!(dir.kernels("samples.ply", &as_volume).len(), 2);
     // Parts of space in place of the cubes of radii.
@@ -221,8 +222,8 @@ fn points_with_densities_and_radii_are_a_volume() {
     let own = own.replace("0.5 255", "0.5 3 255").replace("0.25 255", "0.25 0 255").replace("0 1 0 0 0", "0 1 9 0 0 0");
     fs::write(dir.path("samples.ply"), own).unwrap();
     let loaded = dir.load("samples.ply", &LoadOptions::default()).unwrap();
-    assert_eq!(loaded.gaussians.unwrap().opacity, [6.0]);
     assert!(loaded.notes.iter().any(|note| note.contains("1 of 3 samples dropped")), "{:?}", loaded.notes);
+    assert_eq!(support::gaussians(loaded).opacity, [6.0]);
 }
 
 #[test]

@@ -22,7 +22,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::film::Picture;
 use splatblur::frame::Frame;
-use splatblur::model::{Cloud, Material, Surfels, generate};
+use splatblur::model::{Cloud, Gaussians, LoadedModel, LoadedShape, Material, Surfels, generate};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
@@ -32,6 +32,20 @@ use splatblur::time::{Shutter, Weight};
 pub fn posed<'a>(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Frame {
     let Quality::Mode(mode) = options.quality else { panic!("{} names no blur mode", options.quality) };
     Frame::new(scene, number, mode, options)
+}
+
+/// The surfels of a model that was read.
+pub fn surfels(loaded: LoadedModel) -> Surfels {
+    let LoadedShape::Surfels(surfels, _) = loaded.shape else { panic!("no surfels: {:?}", loaded.notes) };
+    surfels
+}
+
+/// The Gaussians of a capture, or the kernels of a volume, that was read.
+pub fn gaussians(loaded: LoadedModel) -> Gaussians {
+    match loaded.shape {
+        LoadedShape::Capture(gaussians) | LoadedShape::Volume(gaussians, _) => gaussians,
+        LoadedShape::Surfels(..) => panic!("no Gaussians: {:?}", loaded.notes),
+    }
 }
 
 /// Numbers in [0, 1) that repeat on every run.

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use splatblur::model::{LoadOptions, load};
+use splatblur::model::{LoadOptions, LoadedShape, Surfels, load};
 
 /// Saves of each file, in each manner.
 pub(crate) fn saves(default: usize) -> usize {
@@ -76,7 +76,7 @@ pub(crate) fn cases(dir: &Path) -> Vec<Case> {
     let bin = [0, 1].map(|version| {
         let [from, to] = ["of.ply", "to.bin"].map(|name| dir.join(name));
         std::fs::write(&from, &ply[version]).unwrap();
-        splatblur::model::write_bin(&to, &load(&from, &LoadOptions::default(), &|_, _| {}).unwrap().surfels).unwrap();
+        splatblur::model::write_bin(&to, &surfels(&from).unwrap()).unwrap();
         std::fs::read(to).unwrap()
     });
     let splat = sizes.map(|size| {
@@ -128,13 +128,19 @@ pub(crate) fn cases(dir: &Path) -> Vec<Case> {
     ]
 }
 
+/// The surfels of a file that holds some.
+fn surfels(path: &Path) -> Option<Surfels> {
+    let loaded = load(path, &LoadOptions::default(), &|_, _| {}).ok()?;
+    if let LoadedShape::Surfels(surfels, _) = loaded.shape { Some(surfels) } else { None }
+}
+
 /// The one file that ships, and the same with a bit changed that moves a point.
 fn other_sfl(dir: &Path) -> [Vec<u8>; 2] {
     let a = shipped("tests/data/models/tiny_full.sfl");
     let path = dir.join("a.sfl");
     let positions = |bytes: &[u8]| {
         std::fs::write(&path, bytes).unwrap();
-        load(&path, &LoadOptions::default(), &|_, _| {}).ok().map(|loaded| loaded.surfels.position)
+        surfels(&path).map(|surfels| surfels.position)
     };
     let before = positions(&a);
     let changed = |at: usize| {

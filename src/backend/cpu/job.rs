@@ -7,7 +7,7 @@ use super::tiles::TileRect;
 
 /// One tile in one pass.
 pub(in crate::backend) struct Job<'a, S, O> {
-    pub chunks: &'a [Chunk],
+    pub chunks: &'a [Chunk<'a>],
     /// The splats of `chunks`.
     pub binned: &'a [Binned<S>],
     pub tile: TileRect,

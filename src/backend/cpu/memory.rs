@@ -11,7 +11,7 @@ use super::transparent;
 
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
-use crate::frame::Frame;
+use crate::frame::{Frame, FrameObject};
 use crate::layout::{Channels, EwaSplat, Splat, SweptSplat};
 
 /// How the allowed memory is shared out.
@@ -76,8 +76,8 @@ impl Budget {
             let moving = moving + gaussians;
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
-        let gaussians = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
-        let gaussians: u64 = gaussians.map(|gaussians| gaussians.len() as u64).sum();
+        let gaussians = frame.objects.iter().filter_map(|object| object.shape.gaussians());
+        let gaussians: u64 = gaussians.map(|model| model.gaussians().len() as u64).sum();
         let film = film + gaussians * transparent::BYTES_OF_RANK;
         let needed = frame.model_bytes + film + buffers(1) + batch(1);
         BackendError::check_memory(frame, needed)?;
@@ -86,7 +86,7 @@ impl Budget {
         let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
         let splat_bytes = left.saturating_sub(buffers(rows)).max(batch(rows));
         // Opaque and transparent splats take turns, but their memory stays.
-        let opaque = frame.objects.iter().any(|object| !object.surfels.is_empty());
+        let opaque = frame.objects.iter().any(FrameObject::has_surfels);
         let (splat_bytes, transparent_bytes) = match (frame.blending.is_some(), opaque) {
             (false, _) => (splat_bytes, 0),
             (true, false) => (0, splat_bytes),

@@ -384,7 +384,8 @@ impl Executor<'_> {
 /// Computes the factors of the models of opaque or see-through surfels before their chunks are worked on in parallel:
 /// each thread that found none would compute all.
 fn normalise(frame: &Frame, see_through: bool) {
-    for object in frame.objects.iter().filter(|object| object.see_through == see_through) {
-        object.surfels.normalisation();
+    let objects = frame.objects.iter().filter(|object| object.see_through == see_through);
+    for model in objects.filter_map(|object| object.shape.surfels()) {
+        model.surfels().normalisation();
     }
 }

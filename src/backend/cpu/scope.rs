@@ -39,7 +39,7 @@ pub(in crate::backend) struct Scope<'a> {
 
 impl Scope<'_> {
     /// What `project` and `sweep` need for one chunk.
-    pub(in crate::backend) fn view(&self, chunk: &Chunk) -> SurfelView<'_> {
+    pub(in crate::backend) fn view<'b>(&'b self, chunk: &Chunk<'b>) -> SurfelView<'b> {
         SurfelView {
             object: &self.group.samples[chunk.sample].objects[chunk.object],
             eyes: self.group.samples[chunk.sample].objects[chunk.object].eyes(),
@@ -51,18 +51,19 @@ impl Scope<'_> {
             centre_disc: 0.0,
             margin: 0.0,
             two_sided: self.frame.objects[chunk.object].two_sided,
-            paths: self.frame.objects[chunk.object].paths(),
+            paths: chunk.model.paths(),
             clusters: self.clusters.get(chunk.object).map(Arc::as_ref),
         }
     }
 
     /// Where the values of one chunk come from.
-    pub(in crate::backend) fn shown(&self, chunk: &Chunk) -> Shown<'_> {
+    pub(in crate::backend) fn shown<'b>(&'b self, chunk: &Chunk<'b>) -> Shown<'b> {
         let sample = &self.group.samples[chunk.sample];
         Shown {
             sample,
             posed: &sample.objects[chunk.object],
             object: &self.frame.objects[chunk.object],
+            model: chunk.model,
             channels: self.channels,
             shading: self.frame.shading,
             near: self.frame.near,
@@ -75,7 +76,7 @@ impl Scope<'_> {
     }
 
     /// What `attribute` needs for one chunk, whose splats have `values`.
-    pub(in crate::backend) fn attributes<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Attributes<'b> {
+    pub(in crate::backend) fn attributes<'b>(&'b self, chunk: &Chunk<'_>, values: &'b [f32]) -> Attributes<'b> {
         let sample = &self.group.samples[chunk.sample];
         Attributes {
             channels: self.channels,
@@ -96,7 +97,7 @@ impl Scope<'_> {
     }
 
     /// The depth tolerance of one chunk.
-    pub(in crate::backend) fn depths(&self, chunk: &Chunk) -> Depths {
+    pub(in crate::backend) fn depths(&self, chunk: &Chunk<'_>) -> Depths {
         let epsilon = self.group.samples[chunk.sample].objects[chunk.object].epsilon;
         Depths { near: self.frame.near, epsilon }
     }
@@ -127,7 +128,7 @@ impl Scope<'_> {
     }
 
     /// Starts the samples of a group that come before those of `chunk`; static objects belong to all.
-    pub(in crate::backend) fn turn(&self, chunk: &Chunk, buffers: &mut TileBuffers) {
+    pub(in crate::backend) fn turn(&self, chunk: &Chunk<'_>, buffers: &mut TileBuffers) {
         if self.group.samples.len() > 1 && !self.frame.objects[chunk.object].is_static {
             buffers.group_coverage.turn(|sample| self.group.samples[sample].weight, chunk.sample);
         }
@@ -142,7 +143,7 @@ impl Scope<'_> {
     }
 
     /// The values of the splats of one chunk.
-    pub(in crate::backend) fn add_values<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
+    pub(in crate::backend) fn add_values<S: Faced>(&self, chunk: &Chunk<'_>, binned: &mut Binned<S>) {
         values::values(&binned.splats, &self.shown(chunk), &mut binned.values);
     }
 

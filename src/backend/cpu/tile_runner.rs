@@ -28,7 +28,7 @@ pub(in crate::backend) trait TileWork: Sync {
     fn scope(&self) -> &Scope<'_>;
 
     /// Pass `project`: makes the splats of a chunk, and what they show.
-    fn project(&self, chunk: &Chunk, binned: &mut Binned<Self::Splat>);
+    fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned<Self::Splat>);
 
     /// Runs a pass on a tile, with the splats of one batch.
     fn run(&self, pass: Self::Pass, job: Job<'_, Self::Splat, Self::Out>);
@@ -43,7 +43,7 @@ pub(in crate::backend) trait TileWork: Sync {
 /// The passes of a step over the tiles of its band.
 pub(in crate::backend) struct TileRunner<'a, W: TileWork> {
     pub work: &'a W,
-    pub chunks: &'a [Chunk],
+    pub chunks: &'a [Chunk<'a>],
     /// In order.
     pub passes: &'a [W::Pass],
     /// Bytes for splats and their lists.
@@ -149,7 +149,12 @@ impl<W: TileWork> TileRunner<'_, W> {
 
     /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many. The
     /// first `made` were before.
-    pub(in crate::backend) fn batch(&self, chunks: &[Chunk], made: usize, binned: &mut Vec<Binned<W::Splat>>) -> usize {
+    pub(in crate::backend) fn batch(
+        &self,
+        chunks: &[Chunk<'_>],
+        made: usize,
+        binned: &mut Vec<Binned<W::Splat>>,
+    ) -> usize {
         let scope = self.work.scope();
         let most = Binned::<W::Splat>::most_bytes(CHUNK, scope.channels.count, &scope.band);
         let least = rayon::current_num_threads();

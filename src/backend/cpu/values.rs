@@ -16,6 +16,7 @@ use crate::math::simd::dispatch;
 use crate::model::paths::Paths;
 use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
 use crate::options::Shading;
+use crate::scene::SurfelModel;
 use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
 
 /// What the longer axis of a pixel's image on the surface counts in the variance of the filter of its texture; the
@@ -35,6 +36,7 @@ pub(in crate::backend) struct Shown<'a> {
     pub sample: &'a PosedSample,
     pub posed: &'a PosedObject,
     pub object: &'a FrameObject,
+    pub model: &'a SurfelModel,
     pub channels: &'a Channels,
     pub shading: Shading,
     pub near: f32,
@@ -116,8 +118,7 @@ dispatch! {
 #[inline(always)]
 fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Shown<'_>, out: &mut [f32]) {
     let Shown { posed, channels, .. } = *shown;
-    let surfels = &*shown.object.surfels;
-    let paths = shown.object.paths();
+    let (surfels, paths) = (&**shown.model.surfels(), shown.model.paths());
     let gouraud = shown.shading == Shading::Gouraud;
     let mut normal = [[0.0; LANES]; 3];
     let mut position = [[0.0; LANES]; 3];

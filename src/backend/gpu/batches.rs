@@ -7,7 +7,8 @@ use super::memory::Schedule;
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use crate::backend::clusters::{CLUSTER_SURFELS, Window};
-use crate::frame::{FrameObject, PixelRect, PosedGroup, Raster};
+use crate::frame::{PixelRect, PosedGroup, Raster};
+use crate::scene::SurfelModel;
 
 /// Gaps of unwanted surfels that are shorter than this are projected too, because a segment of its own costs more.
 const GAP: usize = 1 << 12;
@@ -39,10 +40,8 @@ impl Schedule {
         see_through: bool,
     ) -> Vec<Batch> {
         let visible = |sample: usize, fixed: bool| {
-            let posed = group.samples[sample].objects.iter().zip(&prepared.frame.objects).enumerate();
-            let wanted = move |object: &FrameObject| object.is_static == fixed && object.see_through == see_through;
-            let some = posed.filter(move |(_, (pose, object))| pose.visible && wanted(object));
-            some.map(move |(index, _)| (sample, index))
+            let some = prepared.frame.visible_surfels(&group.samples[sample], fixed, see_through);
+            some.map(move |(object, model)| (sample, object, model))
         };
         let moving = (0..group.samples.len()).flat_map(|sample| visible(sample, false));
         // The first entries hold the weights of samples.
@@ -69,10 +68,10 @@ struct Cutter<'a> {
 
 impl Cutter<'_> {
     /// The runs of a surfel buffer that are wanted.
-    fn parts(&self, sample: usize, object: usize, buffer: &ModelBuffer) -> Vec<Range<usize>> {
+    fn parts(&self, sample: usize, object: usize, moves: bool, buffer: &ModelBuffer) -> Vec<Range<usize>> {
         let frame = self.prepared.frame;
         // The window knows no motion of points.
-        let still = self.prepared.clusters.get(object).filter(|_| frame.objects[object].paths().is_empty());
+        let still = self.prepared.clusters.get(object).filter(|_| !moves);
         let Some(clusters) = still else { return vec![buffer.surfels.clone()] };
         let raster = self.raster;
         let one_sided = !frame.objects[object].two_sided;
@@ -96,11 +95,11 @@ impl Cutter<'_> {
         parts
     }
 
-    /// Cuts `objects`, each given by sample and object, into batches.
-    fn cut(mut self, objects: impl Iterator<Item = (usize, usize)>) -> Vec<Batch> {
+    /// Cuts `objects`, each given by sample, object and surfels, into batches.
+    fn cut<'s>(mut self, objects: impl Iterator<Item = (usize, usize, &'s SurfelModel)>) -> Vec<Batch> {
         let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
         let mut batches: Vec<Batch> = Vec::new();
-        for (sample, object) in objects {
+        for (sample, object, model) in objects {
             let posed = &self.group.samples[sample];
             let (pose, of_frame) = (&posed.objects[object], &self.prepared.frame.objects[object]);
             let (turn, share) = if of_frame.is_static {
@@ -108,9 +107,9 @@ impl Cutter<'_> {
             } else {
                 (sample as u32 + 1, if total > 0.0 { posed.weight / total } else { 1.0 })
             };
-            let template = Segment::posed(pose, of_frame, turn, share);
+            let template = Segment::posed(pose, of_frame, model.surfels(), turn, share);
             for (number, buffer) in self.prepared.surfel_buffers[object].iter().enumerate() {
-                for part in self.parts(sample, object, buffer) {
+                for part in self.parts(sample, object, !model.paths().is_empty(), buffer) {
                     let mut first = part.start - buffer.surfels.start;
                     let end = part.end - buffer.surfels.start;
                     while first < end {
@@ -130,7 +129,7 @@ impl Cutter<'_> {
                             ..template
                         };
                         batch.segments.push((segment, object, number));
-                        batch.travels.push(Travel::of(pose, of_frame));
+                        batch.travels.push(Travel::of(pose, &model.paths()));
                         batch.slots += surfels as u32;
                         batch.last_turn = turn;
                         first += surfels;

@@ -5,7 +5,8 @@ use glam::{Mat3, Vec3};
 
 use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample, Raster};
 use crate::layout::Channels;
-use crate::model::Material;
+use crate::model::paths::Paths;
+use crate::model::{Material, Surfels};
 use crate::options::Prefilter;
 use crate::shading::ShadingLight;
 
@@ -204,12 +205,18 @@ impl Segment {
     }
 
     /// The pose of an object, without its surfels. `turn` is 0 for static objects, else 1 + the sample.
-    pub(in crate::backend) fn posed(posed: &PosedObject, object: &FrameObject, turn: u32, share: f32) -> Self {
-        let has_materials = !object.surfels.material.is_empty();
+    pub(in crate::backend) fn posed(
+        posed: &PosedObject,
+        object: &FrameObject,
+        surfels: &Surfels,
+        turn: u32,
+        share: f32,
+    ) -> Self {
+        let has_materials = !surfels.material.is_empty();
         let materials = object.material.is_none() && has_materials;
-        let has_opacity = !object.surfels.opacity.is_empty();
+        let has_opacity = !surfels.opacity.is_empty();
         let before_mipmap = 6 + 4 * u8::from(has_materials) + u8::from(has_opacity);
-        let before_mipmap = if object.surfels.mipmap.is_empty() { 0 } else { before_mipmap };
+        let before_mipmap = if surfels.mipmap.is_empty() { 0 } else { before_mipmap };
         let columns = Vec3::new(object.opacity, object.reflection, f32::from(before_mipmap));
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
@@ -227,7 +234,7 @@ impl Segment {
 }
 
 impl Travel {
-    pub(in crate::backend) fn of(posed: &PosedObject, object: &FrameObject) -> Self {
+    pub(in crate::backend) fn of(posed: &PosedObject, paths: &Paths<'_>) -> Self {
         let factors = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
         Self {
             centre: rows(&posed.centre_from_model, posed.centre_origin),
@@ -236,7 +243,7 @@ impl Travel {
             advance: factors(posed.advance),
             turn: rows(&posed.normal_motion, Vec3::ZERO),
             pace: posed.pace,
-            columns: 9 + 3 * object.paths().order() as u32,
+            columns: 9 + 3 * paths.order() as u32,
             unused: [0; 2],
         }
     }

@@ -338,7 +338,8 @@ impl Schedule {
         let map_tiles = map_of(band_rows.iter().copied().max().unwrap_or(0));
         let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES;
         let samples = frame.samples_of_a_group() as u64;
-        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
+        let models = frame.objects.iter().filter_map(|object| object.shape.surfels());
+        let surfels: u64 = models.map(|model| model.surfels().len() as u64).sum();
         let bound = most_bytes / splat_bytes.max(4 * values);
         let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);
         let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
@@ -401,8 +402,8 @@ fn films(frame: &Frame, planes: &FilmPlanes) -> (Vec<RasterFilm>, u64) {
 /// Gaussians of all captures and volumes, and the bytes that they take beside those of a batch. All of a sample are on
 /// the device, and are sorted together.
 fn gaussians(frame: &Frame) -> (u64, u64) {
-    let captures = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
-    let count = captures.map(|capture| capture.len() as u64).sum::<u64>();
+    let captures = frame.objects.iter().filter_map(|object| object.shape.gaussians());
+    let count = captures.map(|model| model.gaussians().len() as u64).sum::<u64>();
     let more_entries = count.saturating_sub(LEAST_SLOTS * u64::from(WIDEST));
     (count, count * GAUSSIAN_BYTES + more_entries * ENTRY_BYTES)
 }

@@ -9,9 +9,9 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use crate::backend::BackendError;
-use crate::frame::FrameObject;
-use crate::model::paths::{OwnPaths, Paths};
+use crate::model::paths::OwnPaths;
 use crate::model::{Gaussians, Surfels};
+use crate::scene::SurfelModel;
 
 /// Most surfels of a surfel buffer. One dispatch covers them along one axis.
 const MOST_SURFELS: u64 = 1 << 22;
@@ -55,30 +55,33 @@ pub(in crate::backend) struct ModelBuffer {
 }
 
 impl Models {
-    /// The buffers of an object's surfels and their paths, with the normalisation of kernels if `normalised`. They are
-    /// uploaded if they are not on the device yet.
+    /// Frees the buffers of models that nobody holds any more.
+    pub(in crate::backend) fn free(&mut self) {
+        let holds_paths = |model: &Model| model.own_paths.as_ref().is_none_or(|own| own.strong_count() > 0);
+        self.models.retain(|model| holds_paths(model) && model.surfels.strong_count() > 0);
+        self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
+    }
+
+    /// The buffers of surfels and their paths, with the normalisation of kernels if `normalised`. They are uploaded if
+    /// they are not on the device yet.
     pub(in crate::backend) fn surfel_buffers(
         &mut self,
         device: &Device,
-        object: &FrameObject,
+        of: &SurfelModel,
         normalised: bool,
     ) -> Result<Vec<ModelBuffer>, BackendError> {
         let is_of = |model: &Model| {
             let own = model.own_paths.as_ref().map(Weak::as_ptr);
-            model.surfels.as_ptr() == Arc::as_ptr(&object.surfels) && own == object.own_paths.as_ref().map(Arc::as_ptr)
+            model.surfels.as_ptr() == Arc::as_ptr(of.surfels()) && own == of.own_paths().map(Arc::as_ptr)
         };
-        let lives = |model: &Model| {
-            let own_paths = model.own_paths.as_ref().is_none_or(|own| own.strong_count() > 0);
-            own_paths && model.surfels.strong_count() > 0
-        };
-        self.models.retain(|model| lives(model) && !(normalised && !model.normalised && is_of(model)));
+        self.models.retain(|model| !(normalised && !model.normalised && is_of(model)));
         if let Some(model) = self.models.iter().find(|model| is_of(model)) {
             return Ok(model.buffers.clone());
         }
-        let buffers = upload(device, &object.surfels, object.paths(), normalised)?;
+        let buffers = upload(device, of, normalised)?;
         self.models.push(Model {
-            surfels: Arc::downgrade(&object.surfels),
-            own_paths: object.own_paths.as_ref().map(Arc::downgrade),
+            surfels: Arc::downgrade(of.surfels()),
+            own_paths: of.own_paths().map(Arc::downgrade),
             normalised,
             buffers: buffers.clone(),
         });
@@ -91,7 +94,6 @@ impl Models {
         device: &Device,
         gaussians: &Arc<Gaussians>,
     ) -> Result<Vec<ModelBuffer>, BackendError> {
-        self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
         let same = |capture: &&CaptureBuffers| capture.gaussians.as_ptr() == Arc::as_ptr(gaussians);
         if let Some(capture) = self.captures.iter().find(same) {
             return Ok(capture.buffers.clone());
@@ -102,12 +104,8 @@ impl Models {
     }
 }
 
-fn upload(
-    device: &Device,
-    surfels: &Surfels,
-    paths: Paths<'_>,
-    normalised: bool,
-) -> Result<Vec<ModelBuffer>, BackendError> {
+fn upload(device: &Device, model: &SurfelModel, normalised: bool) -> Result<Vec<ModelBuffer>, BackendError> {
+    let (surfels, paths) = (model.surfels(), model.paths());
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
     // At most 76 bytes of geometry, at most 92 of looks.

@@ -11,7 +11,7 @@ use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, FrameObject, Raster};
-use crate::model::Surfels;
+use crate::scene::SurfelModel;
 
 /// What stays the same while a frame is rendered.
 pub(in crate::backend) struct Prepared<'a> {
@@ -57,15 +57,20 @@ impl Gpu {
                 schedule.gaussians, self.most_bytes
             )));
         }
+        models.free();
         let filters_all = frame.normalises();
-        let filters = |surfels: &Arc<Surfels>| {
-            let mut see_through = frame.objects.iter().filter(|object| object.see_through);
-            filters_all || see_through.any(|object| Arc::ptr_eq(&object.surfels, surfels))
+        let filters = |model: &SurfelModel| {
+            let see_through =
+                frame.objects.iter().filter(|object| object.see_through).filter_map(|object| object.shape.surfels());
+            filters_all || see_through.map(SurfelModel::surfels).any(|other| Arc::ptr_eq(other, model.surfels()))
         };
-        let upload = |object: &FrameObject| models.surfel_buffers(device, object, filters(&object.surfels));
+        let upload = |object: &FrameObject| match object.shape.surfels() {
+            Some(model) => models.surfel_buffers(device, model, filters(model)),
+            None => Ok(Vec::new()),
+        };
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
-        let upload = |object: &FrameObject| match &object.gaussians {
-            Some(gaussians) => models.gaussian_buffers(device, gaussians),
+        let upload = |object: &FrameObject| match object.shape.gaussians() {
+            Some(model) => models.gaussian_buffers(device, model.gaussians()),
             None => Ok(Vec::new()),
         };
         let gaussian_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;

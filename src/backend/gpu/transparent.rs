@@ -74,12 +74,17 @@ impl Binder<'_> {
 }
 
 /// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection.
-fn segment(place: &JobPlace<'_>, group: &PosedGroup, sample: usize, run: &Run, keeps_layers: bool) -> CaptureSegment {
+fn segment(
+    place: &JobPlace<'_>,
+    group: &PosedGroup,
+    sample: usize,
+    run: &Run<'_>,
+    keeps_layers: bool,
+) -> CaptureSegment {
     let (frame, raster) = (place.prepared.frame, &place.position.raster);
     let object = &frame.objects[run.object];
     let posed = &group.samples[sample].objects[run.object];
-    let drawing = &object.drawing;
-    let Some(gaussians) = &object.gaussians else { return CaptureSegment::zeroed() };
+    let &Run { gaussians, drawing, .. } = run;
     let degree = usize::from(drawing.harmonics.min(gaussians.degree));
     let [low, high] = drawing.crop.map_or([Vec3::MIN, Vec3::MAX], |crop| crop.map(DVec3::as_vec3));
     let stride = frame.stride as f32;
@@ -151,7 +156,7 @@ pub(in crate::backend) struct TransparentStep<'a> {
     programs: &'a TransparentPrograms,
     /// Which surfels there are, as [`View::surfels`] has it.
     surfels: u32,
-    runs: Vec<Run>,
+    runs: Vec<Run<'a>>,
     /// Gaussians of all runs.
     slots: u32,
 }

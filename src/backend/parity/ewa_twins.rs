@@ -29,12 +29,12 @@ pub(super) struct EwaTile {
     film: TileFilm,
 }
 
-impl EwaTwins<'_> {
-    pub(super) fn scope(&self) -> &Scope<'_> {
+impl<'a> EwaTwins<'a> {
+    pub(super) fn scope(&self) -> &Scope<'a> {
         &self.group.scope
     }
 
-    pub(super) fn project(&self) -> Vec<Posed<EwaSplat>> {
+    pub(super) fn project(&self) -> Vec<Posed<'a, EwaSplat>> {
         let splats_of = |chunk| {
             let mut binned = Binned::default();
             self.group.project(&chunk, &mut binned);
@@ -44,7 +44,7 @@ impl EwaTwins<'_> {
     }
 
     /// All passes of a tile, one after the other.
-    pub(super) fn run(&self, posed: &[Posed<EwaSplat>], tile: [usize; 2]) -> EwaTile {
+    pub(super) fn run(&self, posed: &[Posed<'_, EwaSplat>], tile: [usize; 2]) -> EwaTile {
         let scope = self.scope();
         let (apron, size, several) = (scope.raster.apron(), scope.raster.size, scope.group.samples.len() > 1);
         let tile = rect(&scope.band, tile, self.edge);

@@ -61,7 +61,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
     slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;
 
-    let kernels: Vec<Posed<SweptSplat>> = both
+    let kernels: Vec<Posed<'_, SweptSplat>> = both
         .iter()
         .map(|posed| Posed { chunk: posed.chunk.clone(), splats: posed.splats.iter().map(|both| both.splat).collect() })
         .collect();

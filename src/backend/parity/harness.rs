@@ -57,8 +57,8 @@ pub(super) struct Harness<'a> {
 }
 
 /// What the CPU has of a group.
-pub(super) struct Host {
-    pub posed: Vec<Posed>,
+pub(super) struct Host<'a> {
+    pub posed: Vec<Posed<'a>>,
     /// Flags hold the segment.
     pub slots: Slots<Splat>,
     /// By tile, `TILE` x `TILE` each.
@@ -70,7 +70,7 @@ pub(super) struct Host {
     pub film: Vec<Vec<Vec<f32>>>,
 }
 
-impl Host {
+impl Host<'_> {
     /// The depths of all tiles as the device has them: thresholds, then the depths of the nearest discs.
     pub(super) fn depths(&self) -> impl Iterator<Item = f32> {
         self.thresholds.iter().chain(&self.nearest).flatten().copied()
@@ -127,7 +127,7 @@ impl<'a> Harness<'a> {
     }
 
     /// All passes on the CPU.
-    pub(super) fn host(&self) -> Host {
+    pub(super) fn host(&self) -> Host<'a> {
         let twins = self.twins;
         let posed = twins.project();
         let tiles = self.tiles();
@@ -154,7 +154,7 @@ impl<'a> Harness<'a> {
     }
 
     /// Writes what the passes before `pass` make, and spoils what it will write.
-    pub(super) fn feed(&mut self, host: &Host, pass: Pass) {
+    pub(super) fn feed(&mut self, host: &Host<'_>, pass: Pass) {
         let buffers = &self.gpu.state.buffers;
         let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums];
         let mut encoder = self.gpu.state.encoder();

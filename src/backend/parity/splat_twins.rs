@@ -23,8 +23,8 @@ use crate::options::Prefilter;
 /// Splats, or kernels in motion, of one object at one sample, in surfel order. A static object has those of the first
 /// sample.
 #[derive(Clone, Debug)]
-pub(super) struct Posed<S = Splat> {
-    pub chunk: Chunk,
+pub(super) struct Posed<'a, S = Splat> {
+    pub chunk: Chunk<'a>,
     pub splats: Vec<S>,
 }
 
@@ -78,8 +78,8 @@ pub(super) fn whole(position: &Position) -> Band {
 }
 
 /// The chunks of rendering, those of one object and sample together.
-pub(super) fn whole_chunks(scope: &Scope<'_>) -> Vec<Chunk> {
-    let mut whole: Vec<Chunk> = Vec::new();
+pub(super) fn whole_chunks<'a>(scope: &Scope<'a>) -> Vec<Chunk<'a>> {
+    let mut whole: Vec<Chunk<'_>> = Vec::new();
     for chunk in chunks(scope.frame, scope.group, false).0 {
         match whole.last_mut() {
             Some(last) if (last.sample, last.object) == (chunk.sample, chunk.object) => {
@@ -92,27 +92,26 @@ pub(super) fn whole_chunks(scope: &Scope<'_>) -> Vec<Chunk> {
 }
 
 /// The splats of all opaque objects, as `K` projects them.
-pub(super) fn project<K: Kernel>(scope: &Scope<'_>) -> Vec<Posed<K>> {
-    let splats_of = |chunk: Chunk| {
+pub(super) fn project<'a, K: Kernel>(scope: &Scope<'a>) -> Vec<Posed<'a, K>> {
+    let splats_of = |chunk: Chunk<'a>| {
         let mut splats = Vec::new();
-        let surfels = &scope.frame.objects[chunk.object].surfels;
-        K::project(&scope.view(&chunk), surfels, chunk.surfels.clone(), &mut splats);
+        K::project(&scope.view(&chunk), chunk.model.surfels(), chunk.surfels.clone(), &mut splats);
         Posed { chunk, splats }
     };
     whole_chunks(scope).into_iter().map(splats_of).collect()
 }
 
-impl SplatTwins<'_> {
+impl<'a> SplatTwins<'a> {
     /// Do splats have low-pass discs?
     fn low_pass(&self) -> bool {
         self.scope.frame.prefilter == Prefilter::Approx
     }
 
-    pub(super) fn project(&self) -> Vec<Posed> {
+    pub(super) fn project(&self) -> Vec<Posed<'a>> {
         if !self.low_pass() {
             return project(&self.scope);
         }
-        let discs = |posed: Posed<LowPassSplat>| Posed {
+        let discs = |posed: Posed<'a, LowPassSplat>| Posed {
             chunk: posed.chunk,
             splats: posed.splats.into_iter().map(|splat| splat.0).collect(),
         };
@@ -120,12 +119,12 @@ impl SplatTwins<'_> {
     }
 
     /// Splats of `posed` that may touch the tile.
-    fn list(&self, posed: &Posed, tile: [usize; 2]) -> Vec<u32> {
+    fn list(&self, posed: &Posed<'_>, tile: [usize; 2]) -> Vec<u32> {
         touches(posed.splats.iter().map(|splat| splat.bounds), tile, self.edge)
     }
 
     /// Thresholds of a tile, and the depths of the nearest discs where they are kept: `edge` x `edge`.
-    pub(super) fn visibility(&self, posed: &[Posed], tile: [usize; 2]) -> (Vec<f32>, Vec<f32>) {
+    pub(super) fn visibility(&self, posed: &[Posed<'_>], tile: [usize; 2]) -> (Vec<f32>, Vec<f32>) {
         let mut buffers = TileBuffers::default();
         buffers.paint.clear_depths(false, self.scope.frame.keeps_nearest);
         let rect = rect(&self.scope.band, tile, self.edge);
@@ -140,7 +139,7 @@ impl SplatTwins<'_> {
         (plane(&buffers.paint.threshold), plane(&buffers.paint.nearest))
     }
 
-    pub(super) fn attribute(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32], nearest: &[f32]) -> Sums {
+    pub(super) fn attribute(&self, posed: &[Posed<'_>], tile: [usize; 2], thresholds: &[f32], nearest: &[f32]) -> Sums {
         let mut buffers = self.with_depths(thresholds, nearest);
         let rect = rect(&self.scope.band, tile, self.edge);
         let sight = RasterRays::new(self.scope.frame.near, self.scope.raster);

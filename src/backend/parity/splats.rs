@@ -8,7 +8,7 @@ use super::splat_twins::Context;
 use crate::backend::gpu::Gpu;
 use crate::plan::PaintPass;
 
-fn visibility(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
+fn visibility(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
     let want: Vec<f32> = host.depths().collect();
     let depths: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, want.len());
     let mut tally = Tally::default();
@@ -23,7 +23,7 @@ fn visibility(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
     tally.check("thresholds")
 }
 
-fn attribute(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
+fn attribute(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
     let channels = harness.prepared.channels.count;
     let sums: Vec<f32> = harness.read(&harness.gpu.state.buffers.sums, host.sums.len() * channels * PIXELS);
     let mut tally = Tally::default();
@@ -41,7 +41,7 @@ fn attribute(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
     tally.check("sums")
 }
 
-fn resolve(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
+fn resolve(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
     let planes = harness.prepared.planes.count;
     let film: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, host.film.len() * planes * PIXELS);
     let mut tally = Tally::default();

@@ -6,7 +6,6 @@
 use super::splat_twins::{self, Posed, whole_chunks};
 use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
 use crate::backend::cpu::bin::Binned;
-use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
 use crate::backend::cpu::paint::buffers::APRON_STRIDE;
 use crate::backend::cpu::paint::visibility::visibility;
@@ -40,12 +39,12 @@ pub(super) struct MapTwins<'a> {
 
 impl MapTwins<'_> {
     /// Splats at mid-interval.
-    pub(super) fn project(&self) -> Vec<Posed> {
+    pub(super) fn project(&self) -> Vec<Posed<'_>> {
         splat_twins::project(&self.group.scope)
     }
 
     /// Thresholds of a tile of the map.
-    pub(super) fn visibility(&self, splats: &[Posed], tile: [usize; 2]) -> Vec<f32> {
+    pub(super) fn visibility(&self, splats: &[Posed<'_>], tile: [usize; 2]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
         buffers.paint.clear_depths(false, false);
         let rect = rect(&self.group.scope.band, tile, self.edge);
@@ -137,8 +136,8 @@ impl SweepTwins<'_> {
     }
 
     /// Kernels in motion, and their filtered kernels.
-    pub(super) fn sweep(&self) -> Vec<Posed<FilteredSplat>> {
-        let kernels_of = |chunk: Chunk| {
+    pub(super) fn sweep(&self) -> Vec<Posed<'_, FilteredSplat>> {
+        let kernels_of = |chunk| {
             let mut binned = Binned::default();
             self.group.project(&chunk, &mut binned);
             let both = binned.splats.into_iter().zip(binned.filters);
@@ -148,7 +147,7 @@ impl SweepTwins<'_> {
     }
 
     /// Thresholds of a tile, slice by slice; then the nearest depths, where they are kept.
-    pub(super) fn visibility(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2]) -> Vec<Vec<f32>> {
+    pub(super) fn visibility(&self, kernels: &[Posed<'_, SweptSplat>], tile: [usize; 2]) -> Vec<Vec<f32>> {
         let count = self.group.interval.slices as usize;
         let mut buffers = TileBuffers::default();
         buffers.start_slices(count, self.scope().frame.keeps_nearest);
@@ -166,7 +165,7 @@ impl SweepTwins<'_> {
     /// kernels of each of `kernels`.
     pub(super) fn attribute(
         &self,
-        kernels: &[Posed<SweptSplat>],
+        kernels: &[Posed<'_, SweptSplat>],
         filters: &[Vec<SweptFilter>],
         tile: [usize; 2],
         slices: &[Vec<f32>],
@@ -221,8 +220,8 @@ pub(super) struct PublishedTwins<'a> {
 
 impl PublishedTwins<'_> {
     /// Kernels in motion.
-    pub(super) fn sweep(&self) -> Vec<Posed<SweptSplat>> {
-        let kernels_of = |chunk: Chunk| {
+    pub(super) fn sweep(&self) -> Vec<Posed<'_, SweptSplat>> {
+        let kernels_of = |chunk| {
             let mut binned = Binned::default();
             self.group.project(&chunk, &mut binned);
             Posed { chunk, splats: binned.splats }
@@ -231,7 +230,7 @@ impl PublishedTwins<'_> {
     }
 
     /// Sums of a tile of the image.
-    pub(super) fn attribute(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2]) -> SweptSums {
+    pub(super) fn attribute(&self, kernels: &[Posed<'_, SweptSplat>], tile: [usize; 2]) -> SweptSums {
         let scope = &self.group.scope;
         let channels = scope.channels.count;
         let mut buffers = TileBuffers::default();

@@ -31,7 +31,7 @@ pub(super) fn spoil(harness: &Harness<'_>) {
 }
 
 /// The splats of an object. An interval has one sample.
-fn splats_of_object<S>(all: &[Posed<S>], object: usize) -> &[S] {
+fn splats_of_object<'a, S>(all: &'a [Posed<'_, S>], object: usize) -> &'a [S] {
     &all.iter().find(|posed| posed.chunk.object == object).unwrap().splats
 }
 

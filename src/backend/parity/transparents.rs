@@ -56,9 +56,10 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
     let layer = of_volumes.map(|(posed, _)| posed.epsilon).fold(f32::MAX, f32::min);
     let (mut first, mut tally) = (0_usize, Tally::default());
     for (object, posed) in frame.objects.iter().zip(&sample.objects) {
-        let Some(gaussians) = &object.gaussians else { continue };
+        let Some((gaussians, drawing)) = object.drawn() else { continue };
         let view = GaussianView {
             object,
+            drawing,
             sample,
             posed,
             near: posed.near,

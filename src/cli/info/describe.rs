@@ -10,7 +10,7 @@ use splatblur::film::Picture;
 use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
 use splatblur::model::mesh::{Mesh, Texture};
-use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VelocityUnit, VolumeFacts};
+use splatblur::model::{Gaussians, LoadedModel, LoadedShape, Material, Optics, Surfels, VelocityUnit, VolumeFacts};
 use splatblur::scene::{AnimationBinding, Camera, GaussianModel, Light, Motion, Object, Shape};
 use splatblur::scene_file;
 
@@ -203,14 +203,14 @@ fn trs(t: &Trs) -> Value {
 }
 
 /// A model file.
-pub(super) fn model_file(loaded: &model::LoadedModel) -> Value {
-    let inside = match (&loaded.gaussians, &loaded.volume) {
-        (Some(gaussians), Some(facts)) => volume(gaussians, Some(facts)),
-        (Some(gaussians), None) => capture(gaussians),
-        _ => model(&loaded.surfels),
+pub(super) fn model_file(loaded: &LoadedModel) -> Value {
+    let inside = match &loaded.shape {
+        LoadedShape::Surfels(surfels, _) => model(surfels),
+        LoadedShape::Capture(gaussians) => capture(gaussians),
+        LoadedShape::Volume(gaussians, facts) => volume(gaussians, Some(facts)),
     };
     let mut pairs = vec![("kind", json!("model")), ("model", inside)];
-    if let Some(mesh) = &loaded.mesh {
+    if let Some(mesh) = loaded.mesh() {
         let spacing = tidy(mesh.spacing());
         pairs.push(("mesh", json!({ "triangles": mesh.triangles(), "spacing": spacing })));
     }
@@ -518,14 +518,8 @@ mod tests {
 
     #[test]
     fn a_model_is_counted_and_measured() {
-        let loaded = model::LoadedModel {
-            surfels: square(),
-            gaussians: None,
-            volume: None,
-            mesh: None,
-            notes: vec!["normals estimated".to_owned()],
-        };
-        let report = model_file(&loaded);
+        let of = |surfels, notes| LoadedModel { shape: LoadedShape::Surfels(surfels, None), notes };
+        let report = model_file(&of(square(), vec!["normals estimated".to_owned()]));
         assert_eq!(report["model"]["surfels"], 3);
         assert_eq!(report["model"]["radius"], json!({ "min": 1.0, "median": 2.0, "max": 3.0 }));
         assert_eq!(report["model"]["bounds"], json!({ "min": [10.0, 0.0, 0.0], "max": [11.0, 1.0, 0.0] }));
@@ -536,14 +530,7 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty = model::LoadedModel {
-            surfels: Surfels::default(),
-            gaussians: None,
-            volume: None,
-            mesh: None,
-            notes: Vec::new(),
-        };
-        assert_eq!(model_file(&empty)["model"]["surfels"], 0);
+        assert_eq!(model_file(&of(Surfels::default(), Vec::new()))["model"]["surfels"], 0);
     }
 
     #[test]

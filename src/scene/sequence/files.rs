@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use rayon::prelude::*;
 
-use crate::model::{self, Kind, ModelError, Spacing};
+use crate::model::{self, Kind, LoadedModel, LoadedShape, ModelError, Spacing, Surfels};
 use crate::scene::SurfelModel;
 
 /// Names of files that differ in a number, as in `cache.%04d.ply`.
@@ -162,16 +162,18 @@ impl Files {
 }
 
 fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>), ModelError> {
-    let loaded = match model::load(path, options, &|_, _| {}) {
+    let (mut surfels, notes) = match model::load(path, options, &|_, _| {}) {
         // Nothing is there in this frame. A file without bytes is a failed write, and stays an error.
         Err(ModelError::NoPointsIn { dropped, .. }) => {
             let file = File { model: SurfelModel::default(), by_id: Vec::new(), rows: false, points: 0 };
             let why = (!dropped.is_empty()).then(|| format!("an empty frame, without usable points{dropped}"));
             return Ok((file, why.into_iter().collect()));
         }
-        loaded => loaded?,
+        Err(error) => return Err(error),
+        Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes }) => (surfels, notes),
+        // A sequence shows no captures and no volumes.
+        Ok(LoadedModel { notes, .. }) => (Surfels::default(), notes),
     };
-    let mut surfels = loaded.surfels;
     let points = surfels.len();
     let rows = surfels.id.is_empty();
     if rows {
@@ -189,5 +191,5 @@ fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>)
     if let Some(pair) = twice {
         return Err(ModelError::Twice { path: path.to_owned(), id: surfels.id[pair[0] as usize] });
     }
-    Ok((File { model: surfels.into(), by_id, rows, points }, loaded.notes))
+    Ok((File { model: surfels.into(), by_id, rows, points }, notes))
 }

@@ -193,7 +193,7 @@ fn options_of_a_scene() {
     s.colour[0] = Vec3::splat(188.0 / 255.0);
     write_bin(&path, &s).unwrap();
     let options = LoadOptions { radius_scale: 2.0, colour_space: Some(ColourSpace::Srgb), ..LoadOptions::default() };
-    let back = load(&path, &options, &|_, _| {}).unwrap().surfels;
+    let back = crate::support::surfels(load(&path, &options, &|_, _| {}).unwrap());
     assert_eq!(back.axis_u[1], s.axis_u[1] * 2.0);
     // Larger discs overlap more.
     assert!(back.normalisation.known().is_none());

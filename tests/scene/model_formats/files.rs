@@ -3,6 +3,7 @@
 use splatblur::model::{LoadOptions, MeshOptions, ModelError, Spacing, load};
 
 use super::support::{data, load_as};
+use crate::support::surfels;
 
 fn message(path: &std::path::Path) -> String {
     load(path, &LoadOptions::default(), &|_, _| {}).unwrap_err().to_string()
@@ -67,7 +68,7 @@ fn files_of_the_test_set() {
     for (name, count) in [("tiny_full.sfl", 3), ("spot_1500_ascii.ply", 1500), ("spot_mesh_be.ply", 2930)] {
         let mesh = MeshOptions { spacing: Spacing::None, ..MeshOptions::default() };
         let loaded = load(&data(name), &LoadOptions { mesh, ..LoadOptions::default() }, &|_, _| {}).unwrap();
-        assert_eq!(loaded.surfels.len(), count, "{name}");
+        assert_eq!(surfels(loaded).len(), count, "{name}");
     }
 }
 

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use splatblur::model::{ColourStorage, ModelFormat};
 
 use super::support::{cloud, load_as, refused};
+use crate::support::surfels;
 
 const QUAD: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
@@ -65,7 +66,7 @@ fn bad_statements_are_named() {
 
 #[test]
 fn known_by_its_extension_only() {
-    assert_eq!(load_as("quad.OBJ", QUAD.as_bytes()).unwrap().surfels.len(), 4);
+    assert_eq!(surfels(load_as("quad.OBJ", QUAD.as_bytes()).unwrap()).len(), 4);
     assert!(load_as("quad.txt", QUAD.as_bytes()).unwrap_err().to_string().contains("no known format (known: PLY"));
 }
 

@@ -13,6 +13,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::support::{load_as, refused};
+use crate::support::gaussians;
 
 fn webp(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
     let mut data: Vec<u8> = pixels.as_flattened().to_vec();
@@ -290,7 +291,7 @@ fn bombs_are_refused_before_they_are_inflated() {
 fn content_and_extension_show_the_format() {
     let sog = Sog::new().set("/means/mins", json!([0.0, 0.0, 2.0]));
     for name in ["a.sog", "a.dat"] {
-        assert!(!load_as(name, &sog.bytes()).unwrap().gaussians.unwrap().is_empty());
+        assert!(!gaussians(load_as(name, &sog.bytes()).unwrap()).is_empty());
     }
     let e = load_as("b.SOG", b"no archive").unwrap_err().to_string();
     assert!(e.contains("b.SOG: byte 0: found a damaged zip archive"), "{e}");

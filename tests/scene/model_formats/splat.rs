@@ -4,6 +4,7 @@ use glam::{Quat, Vec3};
 use splatblur::model::{Gaussians, ModelFormat, parse_capture};
 
 use super::support::{cloud, load_as, refused};
+use crate::support::gaussians;
 
 fn record(floats: [f32; 6], bytes: [u8; 8]) -> Vec<u8> {
     let mut record: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -72,7 +73,7 @@ fn the_extension_shows_the_format() {
     let bytes = record([1.0, 2.0, 3.0, 1.0, 1.0, 0.5], [255, 255, 255, 255, 255, 128, 128, 128]);
     for name in ["a.splat", "a.SPLAT"] {
         let loaded = load_as(name, &bytes).unwrap();
-        assert_eq!(loaded.gaussians.unwrap().position, [Vec3::new(1.0, 2.0, 3.0)]);
+        assert_eq!(gaussians(loaded).position, [Vec3::new(1.0, 2.0, 3.0)]);
     }
     load_as("a.dat", &bytes).unwrap_err();
     let e = load_as("short.splat", &bytes[..31]).unwrap_err().to_string();

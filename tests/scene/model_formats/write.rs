@@ -4,6 +4,8 @@ use glam::{DVec3, Vec3};
 use splatblur::math::srgb;
 use splatblur::model::{LoadOptions, Material, Surfels, VelocityUnit, load, write_ply};
 
+use crate::support::surfels;
+
 /// `n` surfels that differ in everything; `far`: with an origin, materials, velocities and colours above 1.
 pub(crate) fn sample(n: usize, far: bool) -> Surfels {
     let mut s = Surfels::default();
@@ -38,7 +40,7 @@ fn round_trip(s: &Surfels) -> (Surfels, String) {
     write_ply(&path, s).unwrap();
     let header = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).split("end_header").next().unwrap().to_owned();
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "a temporary file was left");
-    (load(&path, &LoadOptions::default(), &|_, _| {}).unwrap().surfels, header)
+    (surfels(load(&path, &LoadOptions::default(), &|_, _| {}).unwrap()), header)
 }
 
 #[test]

@@ -67,12 +67,11 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
     }
 
     /// Pass `project` of one chunk, and the values of its splats.
-    pub(in crate::backend) fn project(&self, chunk: &Chunk, binned: &mut Binned<K>) {
+    pub(in crate::backend) fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned<K>) {
         let scope = &self.scope;
-        let surfels = &scope.frame.objects[chunk.object].surfels;
         scope.timed(binned, |binned| {
             binned.splats.clear();
-            K::project(&scope.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
+            K::project(&scope.view(chunk), chunk.model.surfels(), chunk.surfels.clone(), &mut binned.splats);
             scope.add_values(chunk, binned);
         });
     }
@@ -183,7 +182,7 @@ impl<'a, K: Kernel> TileWork for PaintGroup<'a, K> {
         &self.scope
     }
 
-    fn project(&self, chunk: &Chunk, binned: &mut Binned<K>) {
+    fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned<K>) {
         self.project(chunk, binned);
     }
 

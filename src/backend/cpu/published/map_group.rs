@@ -26,11 +26,10 @@ impl TileWork for MapGroup<'_> {
         &self.scope
     }
 
-    fn project(&self, chunk: &Chunk, binned: &mut Binned) {
+    fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned) {
         self.scope.timed(binned, |binned| {
-            let surfels = &self.scope.frame.objects[chunk.object].surfels;
             binned.splats.clear();
-            Splat::project(&self.scope.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
+            Splat::project(&self.scope.view(chunk), chunk.model.surfels(), chunk.surfels.clone(), &mut binned.splats);
         });
     }
 

@@ -29,7 +29,7 @@ pub(in crate::backend) struct PublishedSweepGroup<'a> {
 
 impl PublishedSweepGroup<'_> {
     /// What `attribute` needs for one chunk, whose kernels have `values`.
-    pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Swept<'b> {
+    pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk<'_>, values: &'b [f32]) -> Swept<'b> {
         Swept {
             attributes: self.scope.attributes(chunk, values),
             near: self.scope.frame.near,
@@ -83,14 +83,13 @@ impl TileWork for PublishedSweepGroup<'_> {
         &self.scope
     }
 
-    fn project(&self, chunk: &Chunk, binned: &mut Binned<SweptSplat>) {
+    fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned<SweptSplat>) {
         self.scope.timed(binned, |binned| {
-            let surfels = &self.scope.frame.objects[chunk.object].surfels;
             let Binned { splats, filters, .. } = &mut *binned;
             splats.clear();
             filters.clear();
             let view = SurfelView { centre_disc: self.scope.low_pass(), ..self.scope.view(chunk) };
-            project(&view, surfels, chunk.surfels.clone(), splats);
+            project(&view, chunk.model.surfels(), chunk.surfels.clone(), splats);
             self.scope.add_values(chunk, binned);
         });
     }

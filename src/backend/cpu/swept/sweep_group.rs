@@ -31,7 +31,7 @@ impl SweepGroup<'_> {
     }
 
     /// What `attribute` needs for one chunk, whose kernels have `values`.
-    pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Swept<'b> {
+    pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk<'_>, values: &'b [f32]) -> Swept<'b> {
         Swept {
             attributes: self.scope.attributes(chunk, values),
             depths: self.scope.depths(chunk),
@@ -94,13 +94,12 @@ impl TileWork for SweepGroup<'_> {
         &self.scope
     }
 
-    fn project(&self, chunk: &Chunk, binned: &mut Binned<SweptSplat>) {
+    fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned<SweptSplat>) {
         self.scope.timed(binned, |binned| {
-            let surfels = &self.scope.frame.objects[chunk.object].surfels;
             let Binned { splats, filters, .. } = &mut *binned;
             splats.clear();
             filters.clear();
-            let view = self.scope.view(chunk);
+            let (view, surfels) = (self.scope.view(chunk), chunk.model.surfels());
             project::project(&view, self.ellipsoid(), surfels, chunk.surfels.clone(), splats, filters);
             self.scope.add_values(chunk, binned);
         });

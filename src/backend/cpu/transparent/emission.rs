@@ -11,7 +11,7 @@ use crate::shading::shade;
 
 /// In the numbers of the image.
 pub(super) fn colour(view: &GaussianView<'_>, gaussians: &Gaussians, index: usize) -> [f32; 3] {
-    let drawing = &view.object.drawing;
+    let drawing = &view.drawing;
     if let Some(flat) = drawing.flat {
         return flat.to_array();
     }

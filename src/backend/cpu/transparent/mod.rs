@@ -34,7 +34,9 @@ use super::scope::Scope;
 use super::tiles::TileRect;
 use crate::film::{Aov, Blending};
 use crate::frame::PosedRaster;
+use crate::model::Gaussians;
 use crate::plan::{CompositePass, LAYERS, SlabPass};
+use crate::scene::Drawing;
 
 /// What later steps and later frames use again.
 #[derive(Debug, Default)]
@@ -96,24 +98,26 @@ pub(in crate::backend) const fn bytes_of_layers(planes: usize) -> u64 {
 
 /// Some Gaussians of one object.
 #[derive(Clone, Debug)]
-struct Run {
+struct Run<'a> {
     object: usize,
+    model: &'a Gaussians,
+    drawing: Drawing,
     gaussians: Range<usize>,
     /// Index of the object's first Gaussian among all of the frame.
     first: u32,
 }
 
 /// The Gaussians of the objects that are static, or are not, and visible at some sample, in document order.
-fn runs(scope: &Scope<'_>, fixed: bool) -> Vec<Run> {
+fn runs<'a>(scope: &Scope<'a>, fixed: bool) -> Vec<Run<'a>> {
     let mut runs = Vec::new();
     let mut first = 0_u32;
     for (object, of_frame) in scope.frame.objects.iter().enumerate() {
-        let Some(gaussians) = &of_frame.gaussians else { continue };
-        let len = gaussians.len();
+        let Some((model, drawing)) = of_frame.drawn() else { continue };
+        let len = model.len();
         let visible = scope.group.samples.iter().any(|sample| sample.objects[object].visible);
         if visible && of_frame.is_static == fixed {
             let ranges = (0..len).step_by(CHUNK).map(|from| from..(from + CHUNK).min(len));
-            runs.extend(ranges.map(|gaussians| Run { object, gaussians, first }));
+            runs.extend(ranges.map(|gaussians| Run { object, model, drawing, gaussians, first }));
         }
         first = first.wrapping_add(len as u32);
     }
@@ -179,7 +183,7 @@ impl TransparentGroup<'_> {
     }
 
     /// Projects, sorts and lists what is static, if that was not done before.
-    fn fix(&self, still: &[Run], slab: &Slab, fixed: &mut Fixed) {
+    fn fix(&self, still: &[Run<'_>], slab: &Slab, fixed: &mut Fixed) {
         if fixed.slab == Some(*slab) {
             return;
         }
@@ -207,7 +211,7 @@ impl TransparentGroup<'_> {
     }
 
     /// Pass `project` of all `runs`.
-    fn project(&self, runs: &[Run], sample: usize, all: bool, slab: &Slab, out: &mut Vec<Projected>) {
+    fn project(&self, runs: &[Run<'_>], sample: usize, all: bool, slab: &Slab, out: &mut Vec<Projected>) {
         let scope = &self.scope;
         out.resize_with(runs.len(), Projected::default);
         out.par_iter_mut().zip(runs).for_each(|(out, run)| {
@@ -232,15 +236,15 @@ impl TransparentGroup<'_> {
         });
     }
 
-    fn project_run(&self, run: &Run, sample: usize, all: bool, out: &mut Projected) {
+    fn project_run(&self, run: &Run<'_>, sample: usize, all: bool, out: &mut Projected) {
         let scope = &self.scope;
         let frame = scope.frame;
         let object = &frame.objects[run.object];
-        let Some(gaussians) = &object.gaussians else { return };
         let offsets = if object.is_static { self.offsets } else { [scope.raster.offset; 2] };
         let posed = &scope.group.samples[sample].objects[run.object];
         let view = GaussianView {
             object,
+            drawing: run.drawing,
             sample: &scope.group.samples[sample],
             posed,
             near: if posed.visible { posed.near } else { f32::INFINITY },
@@ -257,7 +261,7 @@ impl TransparentGroup<'_> {
             first: run.first,
             all,
         };
-        project(&view, gaussians, run.gaussians.clone(), out);
+        project(&view, run.model, run.gaussians.clone(), out);
     }
 
     /// Pass `sort`.

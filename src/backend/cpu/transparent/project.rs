@@ -186,7 +186,7 @@ fn project_lanes_body(view: &GaussianView<'_>, gaussians: &Gaussians, first: usi
     }
     opacity[..n].copy_from_slice(&gaussians.opacity[first..][..n]);
 
-    let drawing = &view.object.drawing;
+    let drawing = &view.drawing;
     let factor = drawing.opacity as f32;
     let antialias = drawing.antialias.unwrap_or(gaussians.antialiased);
     let [low, high] = drawing.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));

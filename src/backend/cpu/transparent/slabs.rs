@@ -42,7 +42,7 @@ fn rank(depth: f32, index: u32) -> u64 {
 }
 
 /// The slabs of a group, the nearest first; one where all Gaussians fit. Depths are those of `sample`.
-pub(super) fn slabs(group: &TransparentGroup<'_>, still: &[Run], moving: &[Run], sample: usize) -> Vec<Slab> {
+pub(super) fn slabs(group: &TransparentGroup<'_>, still: &[Run<'_>], moving: &[Run<'_>], sample: usize) -> Vec<Slab> {
     let count: usize = still.iter().chain(moving).map(|run| run.gaussians.len()).sum();
     let fit = (group.splat_bytes / BYTES) as usize;
     if count <= fit {

@@ -2,11 +2,13 @@
 
 use crate::film::Blending;
 use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, PosedSample, Raster};
+use crate::scene::Drawing;
 
 /// What `project` needs beside the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct GaussianView<'a> {
     pub object: &'a FrameObject,
+    pub drawing: Drawing,
     pub sample: &'a PosedSample,
     pub posed: &'a PosedObject,
     /// Least depth that is drawn, scene units; infinite for an object that is hidden.

@@ -52,7 +52,7 @@ impl TileWork for SeeThroughGroup<'_> {
         &self.scope
     }
 
-    fn project(&self, chunk: &Chunk, binned: &mut Binned<EwaSplat>) {
+    fn project(&self, chunk: &Chunk<'_>, binned: &mut Binned<EwaSplat>) {
         self.paint().project(chunk, binned);
     }
 
