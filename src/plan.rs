@@ -561,7 +561,9 @@ fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter,
 fn centre(positions: &mut [PositionExposure]) {
     for axis in 0..2 {
         let mean = positions.iter().map(|position| position.offset[axis]).sum::<f32>() / positions.len() as f32;
-        positions.iter_mut().for_each(|position| position.offset[axis] -= mean);
+        for position in &mut *positions {
+            position.offset[axis] -= mean;
+        }
     }
 }
 

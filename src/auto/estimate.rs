@@ -17,13 +17,13 @@ use crate::options::{Interleave, PixelFilter};
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
 const GAIN: f64 = 0.92;
 /// The same with a lattice, whose classes sample their strata off the middles.
-const GAIN_OF_LATTICE: f64 = 1.0;
+const GAIN_OF_LATTICE: f64 = 1.08;
 /// The same where strata are long.
-const GAIN_OF_LONG_STRATA: f64 = 0.97;
+const GAIN_OF_LONG_STRATA: f64 = 1.02;
 /// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
 const GAIN_OF_SHORT_STRATA: f64 = 0.98;
 /// The same where nothing moves, and each sample is seen from a position of its own.
-const GAIN_OF_REST: f64 = 0.98;
+const GAIN_OF_REST: f64 = 1.05;
 /// The same at pixel centres, where there are no such positions.
 const GAIN_OF_CENTRES: f64 = 0.62;
 /// Factor on these for each round that refined a block: what made it need more samples makes its error fall more slowly
@@ -267,7 +267,7 @@ fn stripes(difference: &[Vec3], width: usize, edge: usize) -> Vec<f64> {
                 for (y, row) in rows.clone().enumerate() {
                     let first = q * if from_below { edge - 1 - y } else { y };
                     for (x, d) in row.iter().enumerate() {
-                        let (sum, pixels) = &mut lines[(first + p * x) / 2];
+                        let (sum, pixels) = &mut lines[usize::midpoint(first, p * x)];
                         (*sum, *pixels) = (*sum + *d, *pixels + 1);
                     }
                 }

@@ -74,7 +74,7 @@ impl SurfelModel {
     /// The same surfels; `mesh`: they were sampled from a mesh, and are a surface for all its edges and thin parts.
     pub(super) fn of_mesh(self, mesh: bool) -> Self {
         let tolerance = if mesh { self.median_radius } else { self.tolerance };
-        Self { mesh, tolerance, ..self }
+        Self { tolerance, mesh, ..self }
     }
 
     /// The shared surfels.

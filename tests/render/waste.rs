@@ -1,6 +1,8 @@
 //! What bounds of splats waste, in every scene that ships: the pixels that passes look at, over those that splats
 //! cover. Counts are exact where times are not.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 use std::collections::BTreeSet;
 
 use splatblur::backend::{Stats, Waste};
