@@ -422,7 +422,7 @@ mod tests {
     }
 
     /// Waves of any direction and of several lengths, with their mean over pixels: rows and columns alone would leave
-    /// .35 of some.
+    /// .14 of some.
     #[test]
     fn oblique_stripes_count() {
         for length in [6.0_f32, 8.0, 12.0] {
@@ -433,7 +433,7 @@ mod tests {
                 };
                 let pixels = (0..256).map(|at| seen_of(Vec3::splat(0.5 * wave(at % 16, at / 16))));
                 let share = of(wave) / (pixels.sum::<f64>() / 256.0);
-                assert!(share > 0.7, "length {length}, {} degrees: {share}", step as f32 * 7.5);
+                assert!(share > 0.68, "length {length}, {} degrees: {share}", step as f32 * 7.5);
             }
         }
         // Noise without a direction cancels.
