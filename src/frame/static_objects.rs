@@ -202,9 +202,11 @@ mod tests {
             (&little_rests, "supersample:24", 24),
             (&nothing_rests, "supersample:24", 24),
             (&all_rests, "supersample:24", 24),
-            // Edges at rest need several positions, and get them where there are intervals enough.
-            (&much_rests, "volumetric:3", 1),
+            // Edges at rest need eight positions. Intervals have equally many.
+            (&much_rests, "volumetric:3", 9),
             (&much_rests, "volumetric:10", 10),
+            (&all_rests, "volumetric:3", 9),
+            (&little_rests, "volumetric:3", 1),
             (&nothing_rests, "volumetric:3", 1),
             (&nothing_rests, "volumetric:10", 1),
             (&nothing_rests, "volumetric:3+kernel=ellipsoid", 3),
