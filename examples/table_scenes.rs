@@ -16,8 +16,8 @@
 //! seed without a filter, which takes seconds, and shares kernels and tolerance with the pictures. `random=SEED,COUNT`:
 //! of random scenes instead. *Uniform* has up to 64 samples.
 //!
-//! Table `modes`: FLIP, *worst* and seconds of the first of these frames in each blur mode. Below it, for each mode, the
-//! geometric means of their ratios to those of `supersample:32` (docs/modes.md), over the scenes that it takes.
+//! Table `modes`: FLIP, *worst* and seconds of the first of these frames in each blur mode. Below it, for each mode,
+//! the geometric means of their ratios to those of `supersample:32` (docs/modes.md), over the scenes that it takes.
 //!
 //! The truth has 1024 samples (`truth=`), from an earlier run where there is one (`target/tables`). The first run
 //! takes long, because it traces two references of each frame.

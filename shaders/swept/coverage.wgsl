@@ -25,7 +25,7 @@ fn coverage(index: u32, in_tile: u32) -> f32 {
     if either == 0xffffffffu { most = view.weight; }
     let large = select(1.0, peak / sum, sum > 0.0);
     let hard = 1.0 - (1.0 - large) * (1.0 - large);
-    // Of a thin two-sided sheet the side with the larger sum counts.
+    // The side with the larger sum counts, where a thin sheet shows both.
     let weight = view.weight * (0.5 * (sum + abs(side)));
     // The time for which discs cover, as far as the weights may be off by noise.
     let noise = 1.0 + NOISE * (large * large);

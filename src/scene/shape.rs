@@ -134,8 +134,8 @@ impl Shape {
         }
     }
 
-    /// Depth tolerance of the visibility rule where nobody chose one, model space ([`Surfels::tolerance`]); of Gaussians
-    /// that with which they lie before surfels.
+    /// Depth tolerance of the visibility rule where nobody chose one, model space ([`Surfels::tolerance`]); for
+    /// Gaussians the distance by which they may lie behind surfels.
     pub fn tolerance(&self) -> f32 {
         match self {
             Self::Surfels { model, .. } => model.tolerance,
