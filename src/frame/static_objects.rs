@@ -57,14 +57,19 @@ pub fn shared_positions(least: u32, samples: u32, step: usize) -> Option<u32> {
 /// Does something move while much of the image is static, so that time samples should share sub-pixel positions?
 /// Objects at rest count by the rectangles around them.
 pub fn shows_much_rest(scene: &Scene) -> bool {
-    let fixed = |object: &&Object| object.is_fixed() && !object.is_see_through() && object.shape.surfels().is_some();
+    let fixed = |object: &&Object| rests(object) && !object.is_see_through() && object.shape.surfels().is_some();
     let area: f64 = scene.objects.iter().filter(fixed).map(|object| area(scene, object)).sum();
     scene.camera.rests() && area >= SHARED_PART && !all_rests(scene)
 }
 
 /// Does nothing move?
 fn all_rests(scene: &Scene) -> bool {
-    scene.camera.rests() && scene.objects.iter().all(Object::is_fixed)
+    scene.camera.rests() && scene.objects.iter().all(rests)
+}
+
+/// Does the object rest, and do its points not move by themselves?
+fn rests(object: &Object) -> bool {
+    object.is_fixed() && object.shape.surfels().is_none_or(|model| model.paths().is_empty())
 }
 
 /// Share of the image within the rectangle around a fixed object's box; all of it where the box reaches the camera.
