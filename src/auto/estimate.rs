@@ -399,7 +399,10 @@ fn shown(row: &[[f32; 4]], first: usize, backdrop: &Backdrop, exposure: f32) -> 
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::film::Background;
 
     /// What stripes are worth in the one part of a picture of 16 x 16 pixels.
     fn of(difference: impl Fn(usize, usize) -> f32) -> f64 {
@@ -466,6 +469,26 @@ mod tests {
         // The last block of a row is narrower.
         assert_eq!(reached(38, 8, 2), [false, true, false, false]);
         assert_eq!(reached(16, 8, 0), [false; 4]);
+    }
+
+    /// A sliver takes part in what is done to the block beyond the border that it lies at, and in nothing else.
+    #[test]
+    fn slivers_go_with_the_block_beside_them() {
+        let background = Background { colour: DVec3::ZERO, transparent: false };
+        let backdrop = Backdrop { background, picture: None };
+        let size = [96, 32];
+        let mut errors = Errors::new(size, 32, &backdrop, Interleave::None, 3.0, PixelFilter::Box, 1.0);
+        errors.blocks[0].reaches = [true; 4];
+        errors.blocks[2].reaches = [true; 4];
+        for (sliver, wanted) in [
+            ([true, false, false, false], vec![0]),
+            ([false, true, false, false], vec![2]),
+            ([true; 4], vec![2, 0]),
+            ([false, false, true, true], Vec::new()),
+        ] {
+            errors.blocks[1].sliver = sliver;
+            assert_eq!(errors.reaching(1).collect::<Vec<_>>(), wanted, "{sliver:?}");
+        }
     }
 
     /// Parts are in rows, and a sliver at the border counts by its share of a part.

@@ -101,6 +101,7 @@ fn join_short(cuts: &mut Vec<f64>, least: f64, most: usize) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may stop")]
 mod tests {
     use super::*;
 
@@ -114,6 +115,15 @@ mod tests {
         let mut cuts = vec![0.0, 1e-9, 0.5, 1.0 - 1e-9, 1.0];
         join_short(&mut cuts, LEAST_SHARE, usize::MAX);
         assert_eq!(cuts, [0.0, 0.5, 1.0]);
+    }
+
+    /// Points of a sequence are born and die at the frames of its files: here in the middle of the exposure.
+    #[test]
+    fn births_and_deaths_part_the_exposure() {
+        let scene = Scene::load("scenes/swarm.xml").unwrap();
+        let strata = Strata::new(&scene, 2.into(), 8, 256);
+        let part = |from: f64, to: f64| Part { ends: [from, to], strata: 4 };
+        assert_eq!(strata, Strata(vec![part(0.0, 0.5), part(0.5, 1.0)]));
     }
 
     /// However many jumps there are, there are no more strata than are allowed, and their shares sum to 1.

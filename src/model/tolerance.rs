@@ -14,9 +14,10 @@ const BESIDE: usize = 24;
 const FEWEST: usize = 64;
 /// Cosine of the angle between normals from which two discs that overlap do not lie on one surface.
 const CROSSING: f32 = 0.5;
-/// Share of such neighbours up to which the surfels are a surface, and from which they are loose.
+/// Share of such neighbours up to which the surfels are a surface, and from which they are loose. Shipped surfaces have
+/// at most .004, a swarm .26 and drops .48 (docs/measurements/scenes.md, which these were chosen on).
 const SHARES: [f64; 2] = [0.05, 0.15];
-/// Tolerance of loose discs, median radii. With none at all, discs of one strand would show their borders.
+/// Tolerance of loose discs, median radii: pictures like those with none at all, within the noise of the reference.
 const LOOSE: f64 = 0.05;
 
 impl Surfels {
