@@ -117,11 +117,12 @@ mod tests {
         assert_eq!(cuts, [0.0, 0.5, 1.0]);
     }
 
-    /// Points of a sequence are born and die at the frames of its files: here in the middle of the exposure.
+    /// Points of a sequence are born and die midway between its files: here in the middle of the exposure.
     #[test]
     fn births_and_deaths_part_the_exposure() {
-        let scene = Scene::load("scenes/swarm.xml").unwrap();
-        let strata = Strata::new(&scene, 2.into(), 8, 256);
+        let mut scene = Scene::load("scenes/swarm.xml").unwrap();
+        (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
+        let strata = Strata::new(&scene.at_frame(2.0).unwrap(), 2.into(), 8, 256);
         let part = |from: f64, to: f64| Part { ends: [from, to], strata: 4 };
         assert_eq!(strata, Strata(vec![part(0.0, 0.5), part(0.5, 1.0)]));
     }
