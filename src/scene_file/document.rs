@@ -379,6 +379,9 @@ fn shape(model: &Part<'_>) -> Result<ShapeSpec, SceneError> {
     let expected = "one number such as %d or %04d in the names of files";
     let pattern = Pattern::parse(&text.replace('\\', "/"))
         .ok_or_else(|| model.bad("sequence", &format!("\"{text}\""), expected.to_owned()))?;
+    if let Some(kind) = model.choice("kind")?.filter(|kind| kind != "surfels") {
+        return Err(model.bad("kind", &quoted(&kind), "surfels: a sequence shows nothing else".to_owned()));
+    }
     let needed = |name: &'static str| {
         let number = model.integer(name)?;
         number.ok_or_else(|| model.bad("sequence", &format!("without `{name}`"), "`first` and `last`".to_owned()))

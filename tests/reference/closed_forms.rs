@@ -181,6 +181,10 @@ fn edges_at_constant_speed() {
         check(&format!("edge {name} point"), &reference(&scene, PixelFilter::Point), &|x, y| {
             coverage(at(x as f64 + 0.5, y as f64 + 0.5))
         });
+        // A picture takes seconds: the box filter has one even weight and one that is not.
+        if !matches!(scene.shutter.weight, Weight::Box | Weight::Ramp { .. }) {
+            continue;
+        }
         check(&format!("edge {name} box"), &reference(&scene, PixelFilter::Box), &|x, y| {
             let n = 400;
             let points = (0..n).map(|i| at(x as f64 + (f64::from(i) + 0.5) / f64::from(n), y as f64 + 0.5));

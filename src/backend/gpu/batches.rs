@@ -129,7 +129,7 @@ impl Cutter<'_> {
                             ..template
                         };
                         batch.segments.push((segment, object, number));
-                        batch.travels.push(Travel::of(pose, &model.paths()));
+                        batch.travels.push(Travel::of(pose, of_frame));
                         batch.slots += surfels as u32;
                         batch.last_turn = turn;
                         first += surfels;

@@ -5,7 +5,6 @@ use glam::{Mat3, Vec3};
 
 use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample, Raster};
 use crate::layout::Channels;
-use crate::model::paths::Paths;
 use crate::model::{Material, Surfels};
 use crate::options::Prefilter;
 use crate::shading::ShadingLight;
@@ -234,7 +233,7 @@ impl Segment {
 }
 
 impl Travel {
-    pub(in crate::backend) fn of(posed: &PosedObject, paths: &Paths<'_>) -> Self {
+    pub(in crate::backend) fn of(posed: &PosedObject, object: &FrameObject) -> Self {
         let factors = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
         Self {
             centre: rows(&posed.centre_from_model, posed.centre_origin),
@@ -243,7 +242,7 @@ impl Travel {
             advance: factors(posed.advance),
             turn: rows(&posed.normal_motion, Vec3::ZERO),
             pace: posed.pace,
-            columns: 9 + 3 * paths.order() as u32,
+            columns: 9 + 3 * object.shape.paths().order() as u32,
             unused: [0; 2],
         }
     }

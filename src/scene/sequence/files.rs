@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use rayon::prelude::*;
 
-use crate::model::{self, Kind, LoadedModel, LoadedShape, ModelError, Spacing, Surfels};
+use crate::model::{self, Kind, LoadedModel, LoadedShape, ModelError, Spacing};
 use crate::scene::SurfelModel;
 
 /// Names of files that differ in a number, as in `cache.%04d.ply`.
@@ -91,7 +91,7 @@ impl Files {
     pub(super) fn new(pattern: Pattern, mut options: model::LoadOptions) -> Self {
         // Vertices are points that can be followed; samples of faces are not.
         options.mesh.spacing = Spacing::None;
-        options.kind = Some(options.kind.unwrap_or(Kind::Surfels));
+        options.kind = Some(Kind::Surfels);
         Self { pattern, options, held: Mutex::default() }
     }
 
@@ -171,8 +171,7 @@ fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>)
         }
         Err(error) => return Err(error),
         Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes }) => (surfels, notes),
-        // A sequence shows no captures and no volumes.
-        Ok(LoadedModel { notes, .. }) => (Surfels::default(), notes),
+        Ok(_) => return Err(ModelError::NoSurfels { path: path.to_owned() }),
     };
     let points = surfels.len();
     let rows = surfels.id.is_empty();
