@@ -5,7 +5,6 @@
 
 mod blocks;
 mod filters;
-mod minified;
 mod panorama;
 mod pixel_rect;
 mod poser;

@@ -16,7 +16,7 @@
 //! A neighbour j counts at a point x of k's plane where its disc contains the orthogonal projection of x onto its
 //! plane, and
 //! - x is at most the radius of the smaller disc away from that plane: sheets that lie farther apart do not share. The
-//!   renderer blends over as much: its `epsilon` is the median radius;
+//!   renderer blends over as much where discs make a surface;
 //! - the outward sides of both discs agree within 60 degrees. So the two sides of a thin sheet do not share, nor the
 //!   walls of a sharp edge, of which one shows only its edge where the other faces the eye.
 

@@ -235,7 +235,7 @@ pub struct Object {
     pub opacity: f64,
     /// Share of the environment's radiance that its surface mirrors, in [0, 1].
     pub reflection: f64,
-    /// Depth tolerance of the visibility rule, world units; `None`: the median cut-off radius times the object's scale.
+    /// Depth tolerance of the visibility rule, world units; `None`: [`Shape::tolerance`] times the object's scale.
     pub epsilon: Option<f64>,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
