@@ -157,8 +157,8 @@ impl Surfaces {
 /// What only splatting has.
 #[derive(Debug, Args)]
 pub(super) struct Splatting {
-    /// Screen-space prefilter against aliasing of small splats [default: auto, which is ewa with fewer than four
-    /// sub-pixel positions, else none]. The reference has none.
+    /// Screen-space prefilter against aliasing of small splats [default: auto, which is ewa with few sub-pixel
+    /// positions and for minified splats, else none]. The reference has none.
     #[arg(
         long,
         value_parser = values::one_of::<Prefilter>(Prefilter::WORDS),

@@ -1,8 +1,11 @@
 //! The filters of a sample position: of kernels, of textures, and of what surfaces mirror.
 
+use super::minified::is_minified;
 use super::raster::{Raster, low_pass_radius};
 use crate::options::{KernelWeight, PixelFilter, Prefilter, RenderOptions, SweptKernel};
 use crate::plan::Exposure;
+use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// Variance of a pixel's square, pixels^2.
 const SQUARE: f64 = 1.0 / 12.0;
@@ -37,13 +40,18 @@ impl Filters {
     }
 }
 
-/// Fewest sub-pixel positions that need no prefilter. From here on twice the positions show more than a filter does, at
-/// the same price, also where splats are much smaller than their distance (docs/measurements/prefilter.md).
+/// Fewest sub-pixel positions that need no prefilter (docs/measurements/prefilter.md).
 const ENOUGH_POSITIONS: usize = 4;
 
 /// The prefilter of a frame that `exposure` samples: the one that is asked for, or the one that [`Prefilter::Auto`]
 /// stands for.
-pub(super) fn prefilter(exposure: &Exposure, swept: Option<SweptKernel>, options: &RenderOptions) -> Prefilter {
+pub(super) fn prefilter(
+    scene: &Scene,
+    number: FrameNumber,
+    exposure: &Exposure,
+    swept: Option<SweptKernel>,
+    options: &RenderOptions,
+) -> Prefilter {
     if options.prefilter != Prefilter::Auto {
         return options.prefilter;
     }
@@ -53,7 +61,7 @@ pub(super) fn prefilter(exposure: &Exposure, swept: Option<SweptKernel>, options
     let positions = exposure.rasters.iter().map(|raster| raster.positions_of_picture).min().unwrap_or(1);
     // Pixel centres are no positions within the pixel.
     let enough = positions >= ENOUGH_POSITIONS && options.look.filter != PixelFilter::Point;
-    if enough { Prefilter::None } else { Prefilter::Ewa }
+    if enough && !is_minified(scene, number, positions) { Prefilter::None } else { Prefilter::Ewa }
 }
 
 /// Is the approximate filter a Gaussian as wide as its disc? Only instants and published kernels have the disc.
@@ -118,7 +126,7 @@ mod tests {
     use crate::frame::Frame;
     use crate::model::{Cloud, generate};
     use crate::options::{BlurMode, Look};
-    use crate::scene::{Camera, Object, Scene};
+    use crate::scene::{Camera, Object};
 
     /// A model about (0, 0, -7), twice as large, before a camera that looks along y = 0 from above.
     fn scene(model: Cloud) -> Scene {
@@ -133,13 +141,16 @@ mod tests {
     }
 
     #[test]
-    fn the_prefilter_is_chosen_by_positions() {
-        let scene = &scene(generate::ball());
-        for (mode, filter, wanted) in [
-            ("supersample:3", PixelFilter::Box, Prefilter::Ewa),
-            ("supersample:4", PixelFilter::Box, Prefilter::None),
-            ("supersample:4", PixelFilter::Point, Prefilter::Ewa),
-            ("volumetric:3+published", PixelFilter::Box, Prefilter::Approx),
+    fn the_prefilter_is_chosen_by_positions_and_by_splats() {
+        // The far splats of the plane are minified for eight positions, and not for 64.
+        let [ball, plane] = [generate::ball(), generate::checker_plane()].map(scene);
+        for (scene, mode, filter, wanted) in [
+            (&ball, "supersample:3", PixelFilter::Box, Prefilter::Ewa),
+            (&ball, "supersample:8", PixelFilter::Box, Prefilter::None),
+            (&ball, "supersample:8", PixelFilter::Point, Prefilter::Ewa),
+            (&plane, "supersample:8", PixelFilter::Box, Prefilter::Ewa),
+            (&plane, "supersample:64", PixelFilter::Box, Prefilter::None),
+            (&ball, "volumetric:3+published", PixelFilter::Box, Prefilter::Approx),
         ] {
             let mode: BlurMode = mode.parse().unwrap();
             let asked = |prefilter| {
@@ -147,7 +158,8 @@ mod tests {
                 let options = RenderOptions { prefilter, look, ..RenderOptions::default() };
                 Frame::new(scene, scene.frames.first, mode, &options).prefilter
             };
-            assert_eq!(asked(Prefilter::Auto), wanted, "{mode}, {filter}");
+            let surfels = scene.objects[0].shape.elements();
+            assert_eq!(asked(Prefilter::Auto), wanted, "{surfels} surfels, {mode}, {filter}");
             assert_eq!(asked(Prefilter::None), Prefilter::None);
         }
     }

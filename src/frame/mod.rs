@@ -5,6 +5,7 @@
 
 mod blocks;
 mod filters;
+mod minified;
 mod panorama;
 mod pixel_rect;
 mod poser;

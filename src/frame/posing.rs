@@ -41,7 +41,7 @@ impl Frame {
 
     fn posed(scene: &Scene, number: FrameNumber, exposure: &Exposure, options: &RenderOptions, stop: &Stop) -> Self {
         let swept = exposure.groups().find_map(|group| group.sweep).map(|(_, kernel)| kernel);
-        let prefilter = prefilter(exposure, swept, options);
+        let prefilter = prefilter(scene, number, exposure, swept, options);
         let options = &RenderOptions { prefilter, ..options.clone() };
         let posing = Posing::new(scene, number, exposure, options);
         let mut rasters = posing.rasters(stop);

@@ -165,8 +165,9 @@ pub enum Prefilter {
     Ewa,
     /// Object-space kernels alone.
     None,
-    /// Full EWA with fewer than four sub-pixel positions. Elsewhere none, in half of the time. The approximation for
-    /// the kernel weights chord and line, whose weights add up to nothing.
+    /// Full EWA where it is seen: with fewer than four sub-pixel positions, and where splats lie much closer than
+    /// positions. Elsewhere none, in half of the time. The approximation for the kernel weights chord and line, whose
+    /// weights add up to nothing.
     #[default]
     Auto,
 }

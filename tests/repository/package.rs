@@ -93,7 +93,7 @@ fn unpacked(file: &str, text: &str, packed: &[String]) -> Vec<String> {
             let path = from_root(file, literal);
             let first = path.split('/').next().unwrap_or("");
             // All of `src` is packed; much in it that looks like a path is a name that a test gave.
-            // A picture that somebody rendered there is none of the repository.
+            // `out` holds what somebody rendered.
             let is_ours =
                 (first != "src" && FOLDERS.contains(&first)) || (first != "out" && root().join(&path).is_file());
             if is_ours && !is_packed(&path, packed) {
