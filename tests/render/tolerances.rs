@@ -3,14 +3,14 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::options::{Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
-use splatblur::scene::{Motion, Object, Scene};
+use splatblur::scene::{Camera, Motion, Object, Scene};
 
 use crate::support::{UNLIT, object, round_surfels, scene};
 
@@ -238,4 +238,58 @@ fn strands_hide_what_is_just_behind_them() {
     println!("by default {:.4}, traced {:.4}; with the tolerance of a surface {:.4}", shown[0], shown[1], shown[2]);
     assert!(shown[0] < 0.02 && shown[1] < 0.02, "{shown:?}");
     assert!(shown[2] > 0.05, "the scene shows no leak: {shown:?}");
+}
+
+/// A ball of coarse discs turns in a bowl of coarse discs that it touches, seen from above and from below. Each has one
+/// colour, so that nothing but the discs changes from frame to frame.
+#[test]
+fn a_coarse_ball_in_a_coarse_bowl_does_not_flicker() {
+    const BALL: usize = 400;
+    const BOWL: usize = 1200;
+    const FRAMES: u32 = 12;
+    // About four discs lie over each point.
+    let ball = |frame: u32, tolerance: Option<f64>| {
+        let turn = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.02 * f64::from(frame));
+        let disc = |n: DVec3| (turn * n, turn * n, 4.0 / (BALL as f64).sqrt(), RED);
+        coarse(fibonacci(BALL).map(disc).collect(), tolerance)
+    };
+    // It touches the ball at the bottom.
+    let bowl = |tolerance: Option<f64>| {
+        let disc = |n: DVec3| (1.5 * n + 0.5 * DVec3::Y, -n, 6.0 / (BOWL as f64).sqrt(), GREEN);
+        let mut bowl = coarse(fibonacci(BOWL).filter(|n| n.y < -0.2).map(disc).collect(), tolerance);
+        bowl.two_sided = true;
+        bowl
+    };
+    let flicker = |eye: DVec3, tolerance: Option<f64>| {
+        let picture = |frame: u32| {
+            let mut scene = before_nothing(vec![ball(frame, tolerance), bowl(tolerance)]);
+            scene.camera = Camera { fovy: scene.camera.fovy, ..Camera::new(eye, DVec3::ZERO) };
+            let options = RenderOptions { quality: "still:16".parse().unwrap(), ..RenderOptions::default() };
+            render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture
+        };
+        let frames: Vec<Picture> = (0..FRAMES).map(picture).collect();
+        let step = |pair: &[Picture]| brightest(&pair[0], &pair[1]).max(brightest(&pair[1], &pair[0]));
+        frames.windows(2).map(step).fold(0.0, f32::max)
+    };
+    let [above, below] = [3.0, -3.0].map(|y| DVec3::new(0.0, y, 4.0));
+    let (shown, without) = ([above, below].map(|eye| flicker(eye, None)), flicker(below, Some(1e-4)));
+    println!("{shown:.4?}; with next to no tolerance {without:.4}");
+    assert!(shown.iter().all(|step| *step < 1.5 / 255.0), "{shown:?}");
+    assert!(without > 4.0 / 255.0, "the scene would not flicker anyhow: {without}");
+}
+
+/// Points of a unit sphere, evenly.
+fn fibonacci(n: usize) -> impl Iterator<Item = DVec3> {
+    (0..n).map(move |i| {
+        let y = 1.0 - (2.0 * i as f64 + 1.0) / n as f64;
+        let (sin, cos) = (i as f64 * 2.399_963_229_728_653).sin_cos();
+        let across = (1.0 - y * y).sqrt();
+        DVec3::new(across * cos, y, across * sin)
+    })
+}
+
+fn coarse(discs: Vec<(DVec3, DVec3, f64, Vec3)>, tolerance: Option<f64>) -> Object {
+    let mut object = object(round_surfels(discs).spatially_ordered());
+    (object.material, object.epsilon) = (Some(UNLIT), tolerance);
+    object
 }
