@@ -11,7 +11,7 @@ use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
 use splatblur::reference::{
-    self, MOST_SAMPLES, ReferenceError, ReferenceOptions, ReferenceStats, SCRAMBLINGS, Sampler, Sums,
+    self, MOST_SAMPLES, Meshes, ReferenceError, ReferenceOptions, ReferenceStats, SCRAMBLINGS, Sampler, Sums,
 };
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
@@ -26,9 +26,10 @@ use super::values;
 
 /// Ray-trace the reference of a scene, with a standard error for each pixel.
 ///
-/// Takes the same scene, shutter and surfaces as `render`, without prefilter, and integrates over pixel and shutter by
-/// quasi-Monte-Carlo sampling, each sample at a time of its own. Writes DIR/<scene>.<frame, 4 digits>.exr with a layer
-/// `error` (the standard error of r, g, b and coverage), and beside it a .ref file from which --resume goes on.
+/// Takes the same scene, shutter and surfaces as `render`, without prefilter, and meshes by their triangles. Integrates
+/// over pixel and shutter by quasi-Monte-Carlo sampling, each sample at a time of its own. Writes DIR/<scene>.<frame, 4
+/// digits>.exr with a layer `error` (the standard error of r, g, b and coverage), and beside it a .ref file from which
+/// --resume goes on.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -42,7 +43,7 @@ Examples:
     splatblur reference scene.xml --frames 12 --pixel 320,200 --sample 17
 
 JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all
-pixels), mean_error, surfels, gaussians, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
+pixels), mean_error, surfels, triangles, gaussians, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
 #[command(mut_arg("out", |arg| arg.help("Directory of the images; made if missing [default: out/<scene>.reference]")))]
 #[command(mut_arg("format", |arg| {
     arg.default_value("exr").help("File format; PNG has neither errors nor other layers")
@@ -108,6 +109,15 @@ pub(super) struct Reference {
         help_heading = "Sampling"
     )]
     jitter_density: Option<u32>,
+    /// What of a mesh is traced: its triangles, or the surfels that a renderer makes of it.
+    #[arg(
+        long,
+        value_name = "WHAT",
+        default_value = Meshes::Triangles.name(),
+        value_parser = Meshes::WORDS,
+        help_heading = "Sampling"
+    )]
+    meshes: String,
 
     #[command(flatten)]
     sampling: Sampling,
@@ -155,6 +165,7 @@ struct FrameReport {
     traced: u64,
     mean_error: f64,
     surfels: u64,
+    triangles: u64,
     gaussians: u64,
     hierarchy_bytes: u64,
     build_seconds: f64,
@@ -217,8 +228,18 @@ impl Reference {
             written.with_context(|| format!("cannot write {}", sums_path.display()))?;
         }
         image::write(&path, &picture, output.format, &settings)?;
-        let ReferenceStats { samples, traced, mean_error, surfels, gaussians, hierarchy_bytes, build, trace, .. } =
-            made.stats;
+        let ReferenceStats {
+            samples,
+            traced,
+            mean_error,
+            surfels,
+            triangles,
+            gaussians,
+            hierarchy_bytes,
+            build,
+            trace,
+            ..
+        } = made.stats;
         let (build_seconds, trace_seconds) = (build.as_secs_f64(), trace.as_secs_f64());
         Ok(FrameReport {
             frame,
@@ -227,6 +248,7 @@ impl Reference {
             traced,
             mean_error,
             surfels,
+            triangles,
             gaussians,
             hierarchy_bytes,
             build_seconds,
@@ -262,6 +284,7 @@ impl Reference {
             samples: self.samples,
             error: self.error,
             sampler,
+            meshes: if self.meshes == Meshes::Surfels.name() { Meshes::Surfels } else { Meshes::Triangles },
             look: self.surfaces.look(&self.sampling, self.images.aovs()?),
         };
         if options.look.aovs.contains(&Aov::Object) {
@@ -299,11 +322,10 @@ impl Output<'_> {
 
 fn summary(report: &FrameReport) -> String {
     let rate = report.traced as f64 / report.trace_seconds.max(1e-9) / 1e6;
-    let what = match (report.surfels, report.gaussians) {
-        (surfels, 0) => format!("{surfels} surfels"),
-        (0, gaussians) => format!("{gaussians} Gaussians"),
-        (surfels, gaussians) => format!("{surfels} surfels and {gaussians} Gaussians"),
-    };
+    let all = [(report.surfels, "surfels"), (report.triangles, "triangles"), (report.gaussians, "Gaussians")];
+    let there: Vec<String> =
+        all.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+    let what = if there.is_empty() { "nothing".to_owned() } else { there.join(" and ") };
     format!(
         "{}: {} samples a pixel, mean standard error {:.2e}, {:.1} s ({:.2} M samples/s), hierarchies of {what} in \
          {:.2} s\n",

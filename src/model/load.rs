@@ -73,6 +73,11 @@ impl MeshSource {
         self.mesh.triangles.len()
     }
 
+    /// The triangles.
+    pub(crate) fn into_mesh(self) -> Arc<Mesh> {
+        self.mesh
+    }
+
     /// True if the same mesh was sampled in this way, from whatever file it came.
     pub(crate) fn is_of(&self, mesh: &Mesh, options: &LoadOptions) -> bool {
         self.options == options.mesh && self.radius_scale == options.radius_scale && self.mesh.looks_like(mesh)

@@ -1,9 +1,11 @@
-//! A bounding volume hierarchy over the surfels of one model, in model space relative to the model's origin.
+//! A bounding volume hierarchy over the elements of one model, surfels or triangles, in model space relative to the
+//! model's origin.
 //!
 //! Parallel locally-ordered clustering (crate `obvhs`) builds a binary tree. The tree is then collapsed into nodes of
-//! eight children and leaves of up to four surfels. Both are structures of arrays, so that vector instructions test one
-//! node (eight boxes in f32) or one leaf (four surfels in f64) at once. Leaves hold copies of what the intersection
-//! needs: 36 bytes for each surfel, plus its number.
+//! eight children and leaves of up to four elements. Both are structures of arrays, so that vector instructions test
+//! one node (eight boxes in f32) or one leaf (four elements in f64) at once. Leaves hold copies of what the
+//! intersection needs: 36 bytes for each element, plus its number. A triangle is a corner and the two edges from there,
+//! as a surfel is its centre and its two axes.
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::Boundable;
@@ -13,12 +15,13 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
 use crate::model::Surfels;
+use crate::model::mesh::MeshSurface;
 use crate::model::paths::Paths;
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
 
-/// Most surfels of a leaf. Four f64 fill a vector register.
+/// Most surfels or triangles of a leaf. Four f64 fill a vector register.
 pub(super) const LANES: usize = 4;
 
 /// Bit of a child's number that marks a leaf.
@@ -42,18 +45,18 @@ pub(super) struct Node {
     pub children: [u32; WIDTH],
 }
 
-/// A leaf: up to four surfels.
+/// A leaf: up to four surfels or triangles.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Leaf {
-    /// Centres, x, y, z; NaN where there is no surfel.
+    /// Centres of surfels or first corners of triangles, x, y, z; NaN where there is none.
     pub centre: [[f32; LANES]; 3],
-    /// First axes.
+    /// First axes, or edges to the second corners.
     pub u: [[f32; LANES]; 3],
-    /// Second axes.
+    /// Second axes, or edges to the third corners.
     pub v: [[f32; LANES]; 3],
-    /// Surfel numbers.
-    pub surfel: [u32; LANES],
+    /// Numbers of surfels, or of triangles in the mesh.
+    pub element: [u32; LANES],
 }
 
 /// The columns of the paths of a leaf's surfels: x, y, z of each.
@@ -64,7 +67,7 @@ pub(super) struct Rates(pub [[[f32; LANES]; 3]; 3]);
 impl Rates {
     fn of(leaf: &Leaf, paths: &Paths<'_>) -> Self {
         let mut rates = Self::default();
-        for (slot, &surfel) in leaf.surfel.iter().enumerate() {
+        for (slot, &surfel) in leaf.element.iter().enumerate() {
             for (column, out) in paths.columns.iter().zip(&mut rates.0) {
                 let Some(rate) = column.get(surfel as usize) else { continue };
                 (0..3).for_each(|axis| out[axis][slot] = rate[axis]);
@@ -76,43 +79,76 @@ impl Rates {
 
 /// The hierarchy of one model.
 #[derive(Clone, Debug)]
-pub(super) struct Bvh {
+pub(super) struct Bvh<'a> {
     /// Nodes; the first one is the root.
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
     /// How the surfels of each leaf move by themselves; empty where none does.
     pub rates: Vec<Rates>,
-    /// Centre of a sphere around all surfels.
+    /// Centre of a sphere around all.
     pub centre: DVec3,
     pub radius: f64,
+    /// The triangles that it holds; `None`: it holds surfels.
+    pub surface: Option<MeshSurface<'a>>,
 }
 
-struct Ellipse {
+/// The columns of what a hierarchy holds, as leaves have them, and the number of each.
+struct Elements<'a> {
+    centre: &'a [Vec3],
+    u: &'a [Vec3],
+    v: &'a [Vec3],
+    /// `None`: they are counted.
+    number: Option<&'a [u32]>,
+}
+
+struct Element {
     low: Vec3A,
     high: Vec3A,
 }
 
-impl Boundable for Ellipse {
+impl Boundable for Element {
     fn aabb(&self) -> Aabb {
         Aabb::new(self.low, self.high)
     }
 }
 
-impl Bvh {
+impl<'a> Bvh<'a> {
     /// Builds the hierarchy of surfels that move along `paths` from the time `from` to the time `to`. Surfels that are
     /// not finite are left out.
     pub(super) fn new(surfels: &Surfels, paths: &Paths<'_>, range: [f64; 2]) -> Self {
-        let exact: Vec<(Vec3, Vec3)> = (0..surfels.len())
+        let boxes = (0..surfels.len())
             .into_par_iter()
             .map(|i| if paths.is_empty() { bounds(surfels, i) } else { swept(surfels, paths, i, range) })
             .collect();
+        let columns = Elements { centre: &surfels.position, u: &surfels.axis_u, v: &surfels.axis_v, number: None };
+        let mut bvh = Self::of(&columns, boxes);
+        let moving = if paths.is_empty() { &[] } else { bvh.leaves.as_slice() };
+        bvh.rates = moving.iter().map(|leaf| Rates::of(leaf, paths)).collect();
+        bvh
+    }
+
+    /// Builds the hierarchy of the triangles of a mesh, relative to `origin`.
+    pub(super) fn of_triangles(surface: MeshSurface<'a>, origin: DVec3) -> Self {
+        let corners = surface.corners(origin);
+        let edge = |corner: usize| corners.iter().map(move |of| of[corner] - of[0]).collect::<Vec<_>>();
+        let centre: Vec<Vec3> = corners.iter().map(|of| of[0]).collect();
+        let (u, v) = (edge(1), edge(2));
+        let around = |[a, b, c]: &[Vec3; 3]| (a.min(*b).min(*c), a.max(*b).max(*c));
+        let boxes = corners.par_iter().map(around).collect();
+        let bvh = Self::of(&Elements { centre: &centre, u: &u, v: &v, number: Some(surface.triangles()) }, boxes);
+        Self { surface: Some(surface), ..bvh }
+    }
+
+    /// Builds the hierarchy of elements in boxes, which do not move by themselves.
+    fn of(elements: &Elements<'_>, exact: Vec<(Vec3, Vec3)>) -> Self {
         let whole = exact
             .par_iter()
             .filter(|(low, high)| low.is_finite() && high.is_finite())
             .fold(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)))
             .reduce(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)));
         if !(whole.0.cmple(whole.1).all()) {
-            return Self { nodes: Vec::new(), leaves: Vec::new(), rates: Vec::new(), centre: DVec3::ZERO, radius: 0.0 };
+            let (nodes, leaves, rates) = Default::default();
+            return Self { nodes, leaves, rates, centre: DVec3::ZERO, radius: 0.0, surface: None };
         }
         let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
         let centre = 0.5 * (low + high);
@@ -127,28 +163,26 @@ impl Bvh {
         let grow = Vec3::splat(padding as f32);
         let index: Vec<u32> =
             (0..exact.len()).filter(|&i| exact[i].0.is_finite() && exact[i].1.is_finite()).map(|i| i as u32).collect();
-        let ellipses: Vec<Ellipse> = index
+        let boxes: Vec<Element> = index
             .iter()
             .map(|&i| {
                 let (low, high) = exact[i as usize];
-                Ellipse { low: (low - grow).into(), high: (high + grow).into() }
+                Element { low: (low - grow).into(), high: (high + grow).into() }
             })
             .collect();
         drop(exact);
-        let tree = PlocBuilder::with_capacity(ellipses.len()).build(
+        let tree = PlocBuilder::with_capacity(boxes.len()).build(
             PlocSearchDistance::Low,
-            &ellipses,
-            (0..ellipses.len() as u32).collect(),
+            &boxes,
+            (0..boxes.len() as u32).collect(),
             SortPrecision::U64,
             2,
         );
         let mut collapse =
-            Collapse { tree: &tree, index: &index, surfels, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
+            Collapse { tree: &tree, index: &index, elements, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
         collapse.run();
         let (nodes, leaves) = collapse.out;
-        let moving = if paths.is_empty() { &[] } else { leaves.as_slice() };
-        let rates = moving.iter().map(|leaf| Rates::of(leaf, paths)).collect();
-        Self { nodes, leaves, rates, centre, radius }
+        Self { nodes, leaves, rates: Vec::new(), centre, radius, surface: None }
     }
 
     /// Memory of nodes and leaves, bytes.
@@ -178,7 +212,7 @@ fn swept(surfels: &Surfels, paths: &Paths<'_>, i: usize, range: [f64; 2]) -> (Ve
     (middle - reach, middle + reach)
 }
 
-/// Number of surfels below each node of the binary tree.
+/// Number of elements below each node of the binary tree.
 fn counts(tree: &Bvh2) -> Vec<u32> {
     let mut counts = vec![0; tree.nodes.len()];
     let mut stack = vec![(0_usize, false)];
@@ -201,9 +235,9 @@ fn counts(tree: &Bvh2) -> Vec<u32> {
 /// Turns the binary tree into an eight-wide tree.
 struct Collapse<'a> {
     tree: &'a Bvh2,
-    /// Surfel of each primitive of the tree.
+    /// Element of each primitive of the tree.
     index: &'a [u32],
-    surfels: &'a Surfels,
+    elements: &'a Elements<'a>,
     counts: Vec<u32>,
     out: (Vec<Node>, Vec<Leaf>),
 }
@@ -258,7 +292,7 @@ impl Collapse<'_> {
             centre: [[f32::NAN; LANES]; 3],
             u: [[0.0; LANES]; 3],
             v: [[0.0; LANES]; 3],
-            surfel: [u32::MAX; LANES],
+            element: [u32::MAX; LANES],
         };
         let mut stack = vec![node];
         let mut slot = 0;
@@ -270,14 +304,15 @@ impl Collapse<'_> {
                 continue;
             }
             for p in node.first_index..node.first_index + node.prim_count {
-                let surfel = self.index[self.tree.primitive_indices[p as usize] as usize];
-                let i = surfel as usize;
+                let element = self.index[self.tree.primitive_indices[p as usize] as usize];
+                let i = element as usize;
+                let Elements { centre, u, v, number } = self.elements;
                 for axis in 0..3 {
-                    leaf.centre[axis][slot] = self.surfels.position[i][axis];
-                    leaf.u[axis][slot] = self.surfels.axis_u[i][axis];
-                    leaf.v[axis][slot] = self.surfels.axis_v[i][axis];
+                    leaf.centre[axis][slot] = centre[i][axis];
+                    leaf.u[axis][slot] = u[i][axis];
+                    leaf.v[axis][slot] = v[i][axis];
                 }
-                leaf.surfel[slot] = surfel;
+                leaf.element[slot] = number.map_or(element, |number| number[i]);
                 slot += 1;
             }
         }
@@ -326,7 +361,7 @@ mod tests {
             }
             while let Some((number, [low, high])) = work.pop() {
                 if number & LEAF != 0 {
-                    for i in bvh.leaves[(number & !LEAF) as usize].surfel.into_iter().filter(|&i| i != u32::MAX) {
+                    for i in bvh.leaves[(number & !LEAF) as usize].element.into_iter().filter(|&i| i != u32::MAX) {
                         seen[i as usize] += 1;
                         let b = bounds(&surfels, i as usize);
                         assert!(low.cmple(b.0).all() && high.cmpge(b.1).all(), "surfel {i}");

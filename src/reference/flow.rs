@@ -43,7 +43,7 @@ const HALF: f64 = 0.5;
 const SEEN: f64 = 0.25;
 
 /// The flows of one frame between pairs of instants: shares of the shutter, 0 where it opens and 1 where it closes. In
-/// `options` only the depth tolerance and the visible sides count.
+/// `options` only the depth tolerance, the visible sides and how meshes are traced count.
 ///
 /// # Errors
 /// The scene holds a volume, which has no surface, or no reference can be made of it.
@@ -240,7 +240,7 @@ impl<'w, 'a> Follower<'w, 'a> {
         Event { what, opacity: taken.alpha, limit: taken.depth + epsilon }
     }
 
-    /// All surfels that the last ray met.
+    /// All surfels and triangles that the last ray met.
     fn hits(&self) -> impl Iterator<Item = &Hit> {
         self.tracer.found[0].hits.iter().chain(&self.tracer.found[0].see_through)
     }
@@ -290,11 +290,15 @@ impl<'w, 'a> Follower<'w, 'a> {
         for hit in &point.hits {
             let w = hit.weight();
             weight += w;
-            if hit.surfel == SPHERE {
+            if hit.element == SPHERE {
                 normal += point.model * w;
                 continue;
             }
-            let i = hit.surfel as usize;
+            if let Some(surface) = world.surface(body) {
+                normal += surface.point(hit.element, [hit.u, hit.v]).normal.as_dvec3() * w;
+                continue;
+            }
+            let i = hit.element as usize;
             normal += body.surfels.normal[i].as_dvec3() * w;
             let place =
                 |body: &Body<'_>, elapsed| body.object.shape.paths().exact_place(body.surfels.position[i], i, elapsed);

@@ -2,10 +2,10 @@
 //! each pixel.
 //!
 //! Every sample has a place in the pixel's square and a time of its own. The scene is posed at just that time, and a
-//! ray is cast through a hierarchy over each model's surfels. The visibility rule (docs/math.md, eq. 5) and the kernel
-//! (eq. 4) are evaluated in `f64`. The reference shares one thing with the passes that it judges, the shading equation
-//! (`shading`); closed forms judge that. It has no screen-space prefilter, as rays have no footprint: it is what a
-//! splatter without prefilter converges to. See docs/reference.md.
+//! ray is cast through a hierarchy over each model's surfels, or over the triangles of its mesh. The visibility rule
+//! (docs/math.md, eq. 5) and the kernel (eq. 4) are evaluated in `f64`. The reference shares one thing with the passes
+//! that it judges, the shading equation (`shading`); closed forms judge that. It has no screen-space prefilter, as rays
+//! have no footprint: it is what a splatter without prefilter converges to. See docs/reference.md.
 //!
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
 //! (what it sees), through `bvh`, `boxes` and `traverse` → `layers` (see-through surfels before that) → `gaussians`
@@ -37,7 +37,7 @@ mod warp;
 pub use self::error::ReferenceError;
 pub use self::flow::{Flow, flows};
 pub use self::integrator::{RoundListener, RoundProgress};
-pub use self::options::{ROUND, ReferenceOptions};
+pub use self::options::{Meshes, ROUND, ReferenceOptions};
 pub use self::probe::{Probe, ProbedGaussian, ProbedHit, Sample, probe};
 pub use self::render::{Reference, ReferenceStats, picture, picture_until, render, render_until};
 pub use self::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};

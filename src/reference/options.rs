@@ -13,6 +13,27 @@ use crate::time::FrameNumber;
 /// Samples of a pixel in one round of a run that stops at an error.
 pub const ROUND: u64 = 256;
 
+/// What of a mesh is traced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Meshes {
+    /// Its triangles, with textures as they lie between their texels. What sampling a mesh to surfels costs is then a
+    /// part of the error of a picture.
+    #[default]
+    Triangles,
+    /// The surfels that it was sampled to, as a renderer has them.
+    Surfels,
+}
+
+impl Meshes {
+    /// The words for them.
+    pub const WORDS: [&str; 2] = ["triangles", "surfels"];
+
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        Self::WORDS[self as usize]
+    }
+}
+
 /// The choices for a reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferenceOptions {
@@ -22,6 +43,8 @@ pub struct ReferenceOptions {
     pub error: Option<f64>,
     /// The way positions and times are chosen.
     pub sampler: Sampler,
+    /// What of meshes is traced.
+    pub meshes: Meshes,
     /// What the picture has in common with those of the renderer: filter, shading, sides, tolerance, seed and extra
     /// channels.
     pub look: Look,
@@ -29,7 +52,7 @@ pub struct ReferenceOptions {
 
 impl Default for ReferenceOptions {
     fn default() -> Self {
-        Self { samples: 1024, error: None, sampler: Sampler::Sobol, look: Look::default() }
+        Self { samples: 1024, error: None, sampler: Sampler::Sobol, meshes: Meshes::default(), look: Look::default() }
     }
 }
 

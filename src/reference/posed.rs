@@ -10,11 +10,13 @@ use super::bvh::Bvh;
 use super::error::ReferenceError;
 use super::gaussians::blend::Blend;
 use super::gaussians::tree::{GaussianKernel, Tree};
-use super::options::ReferenceOptions;
+use super::options::{Meshes, ReferenceOptions};
+use super::traverse::Hit;
 use super::volumes::kernel::VolumeKernel;
 use crate::environment::Environment;
 use crate::film::{Backdrop, Background};
 use crate::math::{focal_length, norm};
+use crate::model::mesh::{Mesh, MeshSurface};
 use crate::model::paths::{Elapsed, elapsed};
 use crate::model::{Gaussians, Material, Surfels};
 use crate::options::PixelFilter;
@@ -35,7 +37,7 @@ pub(super) struct World<'a> {
     pub focal: f64,
     pub bodies: Vec<Body<'a>>,
     /// Hierarchies. Objects with the same model share one.
-    pub models: Vec<Bvh>,
+    pub models: Vec<Bvh<'a>>,
     /// Objects that show captures, in the order of objects.
     pub captures: Vec<Transparent<'a>>,
     /// Trees of captures. Objects that show the same Gaussians of one share a tree.
@@ -151,7 +153,7 @@ impl<'a> World<'a> {
             return Err(ReferenceError::Panorama { object: object.name.clone() });
         }
         let number = frame.get();
-        let mut distinct: Vec<&Object> = Vec::new();
+        let mut distinct: Vec<&'a Object> = Vec::new();
         let exposure = scene.shutter.whole_exposure(number);
         let travelled = |object: &Object| exposure.map(|time| object.travelled(scene.frames.rate, number, time));
         let alike = |a: &Object, b: &Object| {
@@ -184,8 +186,10 @@ impl<'a> World<'a> {
                 Body::new(scene, object, form, number, options)
             })
             .collect();
-        let build =
-            |object: &Object| Bvh::new(object.shape.surfels_or_none(), &object.shape.paths(), travelled(object));
+        let build = |object: &'a Object| match traced_mesh(object, options) {
+            Some(mesh) => Bvh::of_triangles(MeshSurface::new(mesh), object.shape.origin()),
+            None => Bvh::new(object.shape.surfels_or_none(), &object.shape.paths(), travelled(object)),
+        };
         let models = distinct.into_par_iter().map(build).collect();
         let trees =
             shown.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| GaussianKernel::of(g, &drawing, i)));
@@ -295,10 +299,33 @@ impl<'a> World<'a> {
         }));
     }
 
-    /// Surfels of the distinct models.
+    /// The triangles that rays meet of an object; `None` where they meet anything else.
+    pub(super) fn surface(&self, body: &Body<'_>) -> Option<&MeshSurface<'a>> {
+        let Form::Model(model) = body.form else { return None };
+        self.models[model].surface.as_ref()
+    }
+
+    /// Opacity of a hit of a see-through object, in [0, 1].
+    pub(super) fn opacity(&self, hit: &Hit) -> f64 {
+        let body = &self.bodies[hit.object as usize];
+        let own = match self.surface(body) {
+            Some(surface) => surface.point(hit.element, [hit.u, hit.v]).opacity,
+            None => body.surfels.opacity.get(hit.element as usize).copied().unwrap_or(1.0),
+        };
+        (body.object.opacity * f64::from(own)).clamp(0.0, 1.0)
+    }
+
+    /// Surfels of the distinct models whose surfels are traced.
     pub(super) fn surfels(&self) -> u64 {
         let of_model = |m| self.bodies.iter().find(|b| matches!(b.form, Form::Model(n) if n == m));
-        (0..self.models.len()).filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
+        let traced = (0..self.models.len()).filter(|&m| self.models[m].surface.is_none());
+        traced.filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
+    }
+
+    /// Triangles of the distinct models whose triangles are traced.
+    pub(super) fn triangles(&self) -> u64 {
+        let surfaces = self.models.iter().filter_map(|model| model.surface.as_ref());
+        surfaces.map(|surface| surface.triangles().len() as u64).sum()
     }
 
     /// Gaussians of the distinct captures and volumes.
@@ -348,6 +375,13 @@ impl<'a> Volume<'a> {
     }
 }
 
+/// The mesh whose triangles are traced in place of an object's surfels.
+fn traced_mesh<'a>(object: &'a Object, options: &ReferenceOptions) -> Option<&'a Mesh> {
+    let model = object.shape.surfels().filter(|_| options.meshes == Meshes::Triangles)?;
+    // Points that move by themselves bend the mesh in ways that it does not know.
+    model.mesh().filter(|_| model.paths().is_empty()).map(|mesh| &**mesh)
+}
+
 /// Gaussians, and how they are shown.
 type Shown<'a> = (&'a Gaussians, Drawing);
 
@@ -386,7 +420,12 @@ impl<'a> Body<'a> {
             rate: scene.frames.rate,
             poser: ObjectPoser::new(scene, object),
             fixed: None,
-            epsilon: options.look.epsilon.or(object.epsilon),
+            // Triangles hide what is behind them.
+            epsilon: if traced_mesh(object, options).is_some() {
+                Some(0.0)
+            } else {
+                options.look.epsilon.or(object.epsilon)
+            },
         };
         // Motions by formula keep lengths; keyframes of the scale do not. Without such keyframes the tolerance is
         // constant.
@@ -444,12 +483,6 @@ impl<'a> Body<'a> {
         let model_from_world = DMat3::from_cols(bc, ca, ab).transpose() * (1.0 / det);
         let epsilon = self.epsilon.unwrap_or_else(|| f64::from(self.object.shape.tolerance()) * libm::cbrt(det.abs()));
         Some(BodyPose { world_from_model, model_from_world, epsilon })
-    }
-
-    /// Opacity of a surfel of a see-through object, in [0, 1].
-    pub(super) fn opacity(&self, surfel: usize) -> f64 {
-        let own = self.surfels.opacity.get(surfel).map_or(1.0, |&opacity| f64::from(opacity));
-        (self.object.opacity * own).clamp(0.0, 1.0)
     }
 
     /// Material of a surfel: that of the scene; without it that of the file; without both the default.

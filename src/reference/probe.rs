@@ -43,16 +43,18 @@ pub struct Sample {
     pub surface: Option<(f64, DVec3)>,
 }
 
-/// A surfel on a probed ray.
+/// A surfel or a triangle on a probed ray.
 #[derive(Clone, Debug)]
 pub struct ProbedHit {
     /// Name of the object.
     pub object: String,
-    /// Number of the surfel in the model; `None` for an ideal sphere.
+    /// Number of the surfel in the model, or of the triangle in its mesh; `None` for an ideal sphere.
     pub surfel: Option<u32>,
-    /// Camera depth of the surfel's plane on the ray.
+    /// It is a triangle.
+    pub is_triangle: bool,
+    /// Camera depth of its plane on the ray.
     pub depth: f64,
-    /// Position on the surfel in units of its axes.
+    /// Position on the surfel in units of its axes, or weights of the triangle's second and third corner.
     pub uv: [f64; 2],
     /// Kernel weight.
     pub weight: f64,
@@ -171,19 +173,20 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
     for hit in &all {
         let body = &world.bodies[hit.object as usize];
         let Some(target) = tracer.target(0, hit) else { continue };
-        let surface = Surface::of(body, target, hit);
+        let surface = Surface::of(world, target, hit);
         let layer = surfaces.layers(0).iter().position(|layer| hit.depth <= layer.limit);
         let layer = layer.filter(|_| body.see_through);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
-            surfel: (!matches!(body.form, Form::Sphere(_))).then_some(hit.surfel),
+            surfel: (!matches!(body.form, Form::Sphere(_))).then_some(hit.element),
+            is_triangle: world.surface(body).is_some(),
             depth: hit.depth,
             uv: [hit.u, hit.v],
             weight: hit.weight(),
             epsilon: target.pose.epsilon,
             admitted: if body.see_through { layer.is_some() } else { tracer.shows(0, hit) },
             layer: layer.map(|layer| layer + 1),
-            opacity: if body.see_through { body.opacity(hit.surfel as usize) } else { 1.0 },
+            opacity: if body.see_through { world.opacity(hit) } else { 1.0 },
             back: hit.back,
             colour: surface.colour.as_dvec3(),
             normal: surface.normal,
@@ -240,7 +243,8 @@ impl fmt::Display for Probe {
         let [eye, direction] = sample.ray.map(|v| numbers(&v.to_array()));
         writeln!(f, "  eye {eye}, direction of depth 1 {direction}")?;
         for hit in &sample.hits {
-            let what = hit.surfel.map_or_else(|| "ideal sphere".to_owned(), |i| format!("surfel {i}"));
+            let kind = if hit.is_triangle { "triangle" } else { "surfel" };
+            let what = hit.surfel.map_or_else(|| "ideal sphere".to_owned(), |i| format!("{kind} {i}"));
             writeln!(
                 f,
                 "  {} `{}` {what}: depth {}, u v {}, weight {:.6}, epsilon {}{}{}, colour {}, normal {}",

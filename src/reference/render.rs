@@ -35,8 +35,10 @@ pub struct ReferenceStats {
     pub mean_error: f64,
     /// Samples of this run with more than eight layers of see-through surfels, of which the farther ones were left out.
     pub cut: u64,
-    /// Surfels of the distinct models.
+    /// Surfels of the distinct models whose surfels were traced.
     pub surfels: u64,
+    /// Triangles of the distinct models whose triangles were traced.
+    pub triangles: u64,
     /// Gaussians of the distinct captures and volumes that can be seen.
     pub gaussians: u64,
     /// Memory of the hierarchies of all, bytes.
@@ -162,6 +164,7 @@ pub fn render_until(
         mean_error: sums.mean_error(&backdrop),
         cut: integrator.cut.load(Ordering::Relaxed),
         surfels: world.surfels(),
+        triangles: world.triangles(),
         gaussians: world.gaussians(),
         hierarchy_bytes: world.bytes(),
         sums_bytes: sums.bytes(),

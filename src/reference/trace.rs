@@ -13,6 +13,7 @@ use super::posed::{Body, BodyPose, CameraPose, Form, World};
 use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
+use crate::model::mesh::SurfacePoint;
 use crate::model::paths::Elapsed;
 use crate::options::Shading;
 use crate::scene::Sphere;
@@ -78,7 +79,7 @@ struct LaneView {
     time: f64,
 }
 
-/// Surfel number in the hits of an ideal sphere.
+/// Number in the hits of an ideal sphere.
 pub(super) const SPHERE: u32 = u32::MAX;
 
 impl<'w, 'a> Tracer<'w, 'a> {
@@ -192,7 +193,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         if hits.is_empty() {
             return None;
         }
-        hits.sort_unstable_by_key(|hit| (hit.object, hit.surfel));
+        hits.sort_unstable_by_key(|hit| (hit.object, hit.element));
         let LaneView { camera, direction, time } = self.views[lane];
         let direction = camera.world_from_camera * direction;
         if !self.world.fixed_lights() {
@@ -203,7 +204,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         for hit in &*hits {
             let body = &self.world.bodies[hit.object as usize];
             let Some(target) = self.target(lane, hit) else { continue };
-            let surface = Surface::of(body, target, hit);
+            let surface = Surface::of(self.world, target, hit);
             let w = hit.weight();
             let c = match self.world.options.look.shading {
                 Shading::Phong => surface.colour,
@@ -255,7 +256,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         let (mut sum, mut weight) = (0.0, 0.0);
         for hit in hits {
             let w = hit.weight();
-            sum += w * self.world.bodies[hit.object as usize].opacity(hit.surfel as usize);
+            sum += w * self.world.opacity(hit);
             weight += w;
         }
         sum / weight
@@ -281,8 +282,11 @@ impl<'w, 'a> Tracer<'w, 'a> {
 }
 
 impl Hit {
-    /// The reconstruction kernel exp(-2 r^2) (docs/math.md, eq. 4).
+    /// The reconstruction kernel exp(-2 r^2) (docs/math.md, eq. 4); its peak for what is no surfel.
     pub(super) fn weight(&self) -> f64 {
+        if self.is_even {
+            return 1.0;
+        }
         libm::exp(-2.0 * (self.u * self.u + self.v * self.v))
     }
 }
@@ -292,7 +296,7 @@ pub(super) struct Surface {
     pub colour: Vec3,
     /// Unit normal in world axes. It is turned to the viewer where the surface is seen from behind.
     pub normal: DVec3,
-    /// Centre of the surfel (for a sphere, the point hit) relative to the model's origin, in model axes.
+    /// Centre of the surfel (for a sphere and a triangle, the point hit) relative to the model's origin, in model axes.
     pub model: DVec3,
     /// Its velocity by itself, model units per shutter.
     own_velocity: DVec3,
@@ -305,15 +309,20 @@ impl Surface {
         target.pose.world_from_model.transform_point3(self.model)
     }
 
-    pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
-        let pose = &target.pose;
+    pub(super) fn of(world: &World<'_>, target: &Target, hit: &Hit) -> Self {
+        let (pose, body) = (&target.pose, &world.bodies[hit.object as usize]);
         let mut own_velocity = DVec3::ZERO;
-        let (colour, normal, model) = if let Form::Sphere(sphere) = body.form {
+        let point = || {
             let point = target.eye + target.direction * hit.depth - pose.world_from_model.translation;
-            let point = pose.model_from_world * point;
-            (sphere.colour, point, point)
+            pose.model_from_world * point
+        };
+        let (colour, normal, model) = if let Form::Sphere(sphere) = body.form {
+            (sphere.colour, point(), point())
+        } else if let Some(surface) = world.surface(body) {
+            let SurfacePoint { colour, normal, .. } = surface.point(hit.element, [hit.u, hit.v]);
+            (colour, normal.as_dvec3(), point())
         } else {
-            let i = hit.surfel as usize;
+            let i = hit.element as usize;
             let paths = body.object.shape.paths();
             own_velocity = paths.velocity(i, target.elapsed.map(|factor| factor as f32)).as_dvec3() * body.pace;
             let place = paths.exact_place(body.surfels.position[i], i, target.elapsed);
@@ -325,7 +334,7 @@ impl Surface {
             normal: if hit.back { -normal } else { normal },
             model,
             own_velocity,
-            material: body.material(hit.surfel as usize),
+            material: body.material(hit.element as usize),
         }
     }
 }
@@ -343,7 +352,7 @@ fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
     let half = half2.sqrt();
     for (depth, back) in [(middle - half, false), (middle + half, true)] {
         if depth >= ray.near && depth <= found.limit && (!back || ray.two_sided) {
-            found.hits.push(Hit { object: ray.object, surfel: SPHERE, depth, u: 0.0, v: 0.0, back });
+            found.hits.push(Hit { object: ray.object, element: SPHERE, depth, u: 0.0, v: 0.0, back, is_even: true });
             found.limit = found.limit.min(depth + ray.epsilon.max(LEAST_EPSILON * depth));
         }
     }

@@ -1,5 +1,5 @@
-//! Finds the surfels of a model that rays hit. Boxes are tested in f32, padded so that nothing is missed; surfels are
-//! tested in f64.
+//! Finds the surfels or triangles of a model that rays hit. Boxes are tested in f32, padded so that nothing is missed;
+//! surfels and triangles are tested in f64.
 //!
 //! A ray's direction is scaled so that its parameter is camera depth. Transforms are affine, so this holds in model
 //! space too: depths from different objects compare without any conversion.
@@ -13,6 +13,7 @@ use glam::DVec3;
 use super::boxes::avx;
 use super::boxes::{Beam, BoxRays, PACKET, above, below, enter_beam, enter_rays};
 use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, Rates, WIDTH};
+use crate::model::mesh::MeshSurface;
 use crate::model::paths::Elapsed;
 
 /// Smallest depth tolerance as a share of the depth: 4 units in the last place of f32, as in the splatter
@@ -37,18 +38,24 @@ pub(super) struct ModelRay {
     pub elapsed: Elapsed<f64>,
 }
 
-/// A surfel that a ray hits.
+/// How far a triangle reaches beyond its edges, in weights of its corners, so that edges in f32 leave no gaps between.
+const BEYOND: f64 = 1e-6;
+
+/// A surfel or a triangle that a ray hits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
     pub object: u32,
-    pub surfel: u32,
-    /// Camera depth of the surfel's plane on the ray.
+    /// Number of the surfel, or of the triangle in the mesh.
+    pub element: u32,
+    /// Camera depth of its plane on the ray.
     pub depth: f64,
-    /// Position on the surfel in units of its axes.
+    /// Position on the surfel in units of its axes, or weights of the triangle's second and third corner.
     pub u: f64,
     pub v: f64,
-    /// True if the surfel is seen from behind.
+    /// True if it is seen from behind.
     pub back: bool,
+    /// True if all of it weighs the same: it is no surfel.
+    pub is_even: bool,
 }
 
 /// The hits of a sample. It is reused, so that rays allocate no memory.
@@ -145,8 +152,8 @@ fn traverse_body(
         } else {
             let lanes = enter_rays(&bvh.nodes[at.node as usize], at.slot as usize, &boxes);
             let number = (number & !LEAF) as usize;
-            let surfels = (&bvh.leaves[number], bvh.rates.get(number));
-            if lanes != 0 && leaf(surfels, rays, lanes, found, &mut boxes, &starts) {
+            let elements = (&bvh.leaves[number], bvh.rates.get(number), bvh.surface.as_ref());
+            if lanes != 0 && leaf(elements, rays, lanes, found, &mut boxes, &starts) {
                 beam.limit = boxes.limit.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b });
             }
         }
@@ -235,10 +242,10 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
     Some((boxes, beam))
 }
 
-/// Intersects the rays `lanes` (bit mask) with the surfels of a leaf. Returns true if a limit fell.
+/// Intersects the rays `lanes` (bit mask) with the elements of a leaf. Returns true if a limit fell.
 #[inline(always)]
 fn leaf(
-    (leaf, rates): (&Leaf, Option<&Rates>),
+    (leaf, rates, surface): (&Leaf, Option<&Rates>, Option<&MeshSurface<'_>>),
     rays: &[ModelRay],
     mut lanes: u32,
     found: &mut [Found],
@@ -251,13 +258,23 @@ fn leaf(
         lanes &= lanes - 1;
         let ray = &rays[l];
         let found = &mut found[ray.lane];
-        let fell_now = match rates {
-            None => intersect(leaf, ray, found, |_| [0.0; 3]),
-            Some(Rates(columns)) => intersect(leaf, ray, found, |l| {
-                [0, 1, 2].map(|axis| {
-                    (0..3).map(|column| f64::from(columns[column][axis][l]) * ray.elapsed[column]).sum::<f64>()
-                })
-            }),
+        let fell_now = match (surface, rates) {
+            (Some(surface), _) => intersect::<true>(
+                leaf,
+                ray,
+                found,
+                |_| [0.0; 3],
+                |triangle, weight| !surface.is_cut_out(triangle, weight),
+            ),
+            (None, None) => intersect::<false>(leaf, ray, found, |_| [0.0; 3], |_, _| true),
+            (None, Some(Rates(columns))) => {
+                let shift = |l: usize| {
+                    [0, 1, 2].map(|axis| {
+                        (0..3).map(|column| f64::from(columns[column][axis][l]) * ray.elapsed[column]).sum::<f64>()
+                    })
+                };
+                intersect::<false>(leaf, ray, found, shift, |_, _| true)
+            }
         };
         if fell_now {
             boxes.limit[l] = above(found.limit - starts[l]);
@@ -267,12 +284,20 @@ fn leaf(
     fell
 }
 
-/// Intersects a ray with the surfels of a leaf, each shifted. Returns true if the limit fell.
+/// Intersects a ray with the elements of a leaf, each shifted. A hit counts where `is_there` says so of the element and
+/// the coordinates. Returns true if the limit fell.
 ///
-/// The ray meets the plane of a surfel at c + a u + b v, where s d - a u - b v = c - o. By Cramer's rule, with n = u x
-/// v and w = (c - o) x d: s = n.(c - o) / n.d, a = v.w / n.d and b = -u.w / n.d, also where u and v are not orthogonal.
+/// The ray meets the plane of an element at c + a u + b v, where s d - a u - b v = c - o. By Cramer's rule, with n =
+/// u x v and w = (c - o) x d: s = n.(c - o) / n.d, a = v.w / n.d and b = -u.w / n.d, also where u and v are not
+/// orthogonal.
 #[inline(always)]
-fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found, shift: impl Fn(usize) -> [f64; 3]) -> bool {
+fn intersect<const TRIANGLES: bool>(
+    leaf: &Leaf,
+    ray: &ModelRay,
+    found: &mut Found,
+    shift: impl Fn(usize) -> [f64; 3],
+    is_there: impl Fn(u32, [f64; 2]) -> bool,
+) -> bool {
     let before = found.limit;
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin.to_array(), ray.direction.to_array());
     let (near, limit) = (ray.near, found.limit);
@@ -294,8 +319,12 @@ fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found, shift: impl Fn(usiz
         let s = (nx * cx + ny * cy + nz * cz) * over;
         let pv = (vx * wx + vy * wy + vz * wz) * over;
         let up = (ux * wx + uy * wy + uz * wz) * -over;
-        // Surfels that are edge-on, missing or overflow have NaN or infinite coordinates.
-        let inside = pv * pv + up * up <= 1.0;
+        // What is edge-on, missing or overflows has NaN or infinite coordinates.
+        let inside = if TRIANGLES {
+            (pv >= -BEYOND) & (up >= -BEYOND) & (pv + up <= 1.0 + BEYOND)
+        } else {
+            pv * pv + up * up <= 1.0
+        };
         let within = (s >= near) & (s <= limit) & ((nd < 0.0) | ray.two_sided);
         facing[l] = nd;
         depth[l] = s;
@@ -307,8 +336,11 @@ fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found, shift: impl Fn(usiz
     while mask != 0 {
         let l = mask.trailing_zeros() as usize;
         mask &= mask - 1;
-        let (u, v, back) = (a[l], b[l], facing[l] > 0.0);
-        found.hits.push(Hit { object: ray.object, surfel: leaf.surfel[l], depth: depth[l], u, v, back });
+        let (u, v, element, back) = (a[l], b[l], leaf.element[l], facing[l] > 0.0);
+        if !is_there(element, [u, v]) {
+            continue;
+        }
+        found.hits.push(Hit { object: ray.object, element, depth: depth[l], u, v, back, is_even: TRIANGLES });
         found.limit = found.limit.min(depth[l] + ray.epsilon.max(LEAST_EPSILON * depth[l]));
     }
     found.limit < before

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 
 use crate::limits::Invalid;
 use crate::math::Bounds;
+use crate::model::mesh::Mesh;
 use crate::model::paths::{Elapsed, OwnPaths, Paths};
 use crate::model::{Gaussians, Optics, Surfels};
 
@@ -25,7 +26,7 @@ pub struct SurfelModel {
     pub(super) bounds: Bounds,
     /// Boxes around the columns of the paths.
     rates: [Bounds; 3],
-    mesh: bool,
+    mesh: Option<Arc<Mesh>>,
     /// A fault in the columns that a program made: the model cannot be rendered.
     pub(super) flaw: Option<Arc<Invalid>>,
 }
@@ -58,7 +59,7 @@ impl SurfelModel {
             least_opacity: 0.0,
             bounds: Bounds::default(),
             rates: Default::default(),
-            mesh: false,
+            mesh: None,
             flaw,
         }
     }
@@ -71,10 +72,14 @@ impl SurfelModel {
         Self { median_radius, tolerance, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
     }
 
-    /// The same surfels; `mesh`: they were sampled from a mesh, and are a surface for all its edges and thin parts.
-    pub(super) fn of_mesh(self, mesh: bool) -> Self {
-        let tolerance = if mesh { self.median_radius } else { self.tolerance };
-        Self { tolerance, mesh, ..self }
+    /// The same surfels, which were sampled from a mesh. They are a surface for all its edges and thin parts.
+    pub(super) fn of_mesh(self, mesh: Arc<Mesh>) -> Self {
+        Self { tolerance: self.median_radius, mesh: Some(mesh), ..self }
+    }
+
+    /// The mesh that they were sampled from when it was loaded.
+    pub(crate) fn mesh(&self) -> Option<&Arc<Mesh>> {
+        self.mesh.as_ref()
     }
 
     /// The shared surfels.
@@ -114,7 +119,7 @@ impl SurfelModel {
 
     /// True for surfels that were sampled from a mesh when it was loaded.
     pub fn is_mesh(&self) -> bool {
-        self.mesh
+        self.mesh.is_some()
     }
 
     /// Median of the cut-off radii, model space; 0 for a model without surfels.

@@ -306,7 +306,11 @@ impl From<LoadedModel> for Shape {
     fn from(loaded: LoadedModel) -> Self {
         match loaded.shape {
             LoadedShape::Surfels(surfels, mesh) => {
-                SurfelModel::checked(Arc::new(surfels.spatially_ordered())).of_mesh(mesh.is_some()).into()
+                let model = SurfelModel::checked(Arc::new(surfels.spatially_ordered()));
+                match mesh {
+                    Some(source) => model.of_mesh(source.into_mesh()).into(),
+                    None => model.into(),
+                }
             }
             LoadedShape::Capture(gaussians) | LoadedShape::Volume(gaussians, _) => {
                 GaussianModel::checked(Arc::new(gaussians)).into()

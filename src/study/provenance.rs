@@ -81,6 +81,9 @@ pub struct Settings {
     /// Sampler of a reference.
     #[serde(skip_serializing_if = "Option::is_none")]
     sampler: Option<String>,
+    /// What of meshes a reference traces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    meshes: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     reconstruct: Option<&'static str>,
     width: u32,
@@ -131,6 +134,7 @@ impl Provenance {
             backend: String::new(),
             mode: String::new(),
             samples: None,
+            meshes: None,
             sampler: None,
             reconstruct: None,
             width: scene.image.width,
@@ -203,6 +207,7 @@ impl Provenance {
                 Sampler::Jittered { density } => format!("jittered:{density}"),
                 Sampler::Random => "random".to_owned(),
             }),
+            meshes: Some(options.meshes.name()),
             filter: options.look.filter.to_string(),
             prefilter: Prefilter::None.to_string(),
             shading: options.look.shading.to_string(),

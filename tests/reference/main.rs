@@ -6,6 +6,7 @@ mod support;
 mod closed_forms;
 mod flow;
 mod gaussians;
+mod meshes;
 mod parts;
 mod promises;
 mod samples;

@@ -6,7 +6,7 @@
 //! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `edges` (which are
 //! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `piles` (those
 //! that coincide) -> `fill` (what rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all
-//! of it).
+//! of it). `surface` shows rays the triangles themselves.
 
 mod band;
 mod edges;
@@ -25,10 +25,12 @@ mod raster;
 mod sample;
 mod smooth;
 mod spacing;
+mod surface;
 mod texture;
 
 pub(super) use of_cloud::of_cloud;
 pub(crate) use sample::{Sampled, Unsampled, limited, sample};
+pub(crate) use surface::{MeshSurface, SurfacePoint};
 
 use std::path::{Path, PathBuf};
 
@@ -151,6 +153,17 @@ pub enum Wrap {
     Mirror,
     /// The texel at the edge.
     Clamp,
+}
+
+impl Wrap {
+    /// The cell that is like that of any index, of `count` cells and `pad` more at each end that does not repeat.
+    fn cell(self, index: i64, count: i64, pad: i64) -> i64 {
+        match self {
+            Self::Repeat => index.rem_euclid(count),
+            Self::Mirror => index.rem_euclid(2 * count).min(2 * count - 1 - index.rem_euclid(2 * count)),
+            Self::Clamp => index.clamp(-pad, count - 1 + pad),
+        }
+    }
 }
 
 /// Begins the note on animations, which a mesh does not have.

@@ -25,15 +25,66 @@ pub(super) struct Palette<'a> {
     radius: [f64; 2],
 }
 
-/// One triangle, ready to be painted.
-pub(super) struct Brush<'a> {
-    /// By the winding.
+/// What the corners of a triangle say of it.
+pub(super) struct Corners {
+    /// The unit normal of the triangle, by its winding.
     face: Vec3,
-    /// Semi-axes of the surfels, in radii of their shadows; their cross product points as `face` does.
-    axes: [Vec3; 2],
     normal: [Vec3; 3],
     colour: [Vec4; 3],
     alpha: AlphaMode,
+}
+
+impl Corners {
+    /// Reads the corners of a triangle whose unit normal is `face`.
+    pub(super) fn new(mesh: &Mesh, triangle: u32, face: Vec3) -> Self {
+        let of_file = mesh.triangles[triangle as usize];
+        let corners = of_file.corners.map(|v| v as usize);
+        let material = &mesh.materials[of_file.material as usize];
+        let sane = |c: Vec4| if c.is_finite() { c.clamp(Vec4::ZERO, Vec4::splat(BRIGHTEST)) } else { Vec4::ONE };
+        Self {
+            face,
+            normal: corners.map(|v| mesh.normal.get(v).copied().unwrap_or_default().try_normalize().unwrap_or(face)),
+            colour: corners.map(|v| sane(material.colour) * sane(mesh.colour.get(v).copied().unwrap_or(Vec4::ONE))),
+            alpha: material.alpha,
+        }
+    }
+
+    /// The unit normal where the second and third corner have these weights.
+    pub(super) fn normal(&self, [b, c]: [f32; 2]) -> Vec3 {
+        let normal = (1.0 - b - c) * self.normal[0] + b * self.normal[1] + c * self.normal[2];
+        normal.try_normalize().unwrap_or(self.face)
+    }
+
+    /// Colour and opacity there, without the texture.
+    pub(super) fn colour(&self, [b, c]: [f32; 2]) -> Vec4 {
+        (1.0 - b - c) * self.colour[0] + b * self.colour[1] + c * self.colour[2]
+    }
+
+    /// What an opacity means; `None`: cut out.
+    pub(super) fn opacity(&self, alpha: f32) -> Option<f32> {
+        match self.alpha {
+            AlphaMode::Opaque => Some(1.0),
+            AlphaMode::Mask(least) => (alpha >= least).then_some(1.0),
+            AlphaMode::Blend => Some(alpha.clamp(0.0, 1.0)),
+        }
+    }
+
+    /// True if the normals of the corners point away from that of the winding.
+    pub(super) fn face_away(&self) -> bool {
+        self.normal.iter().sum::<Vec3>().dot(self.face) < 0.0
+    }
+}
+
+/// The colour that a premultiplied texel has by itself; `None` where all is transparent.
+pub(super) fn straight(texel: Vec4) -> Option<Vec3> {
+    (texel.w > 1e-6).then(|| texel.truncate() / texel.w)
+}
+
+/// One triangle, ready to be painted.
+pub(super) struct Brush<'a> {
+    corners: Corners,
+    /// Semi-axes of the surfels, in radii of their shadows; their cross product points as the triangle's normal does.
+    axes: [Vec3; 2],
     texture: Option<Stencil<'a>>,
 }
 
@@ -91,17 +142,9 @@ impl<'a> Palette<'a> {
         let face = shape.across.normalize();
         let of_file = mesh.triangles[triangle as usize];
         let corners = of_file.corners.map(|v| v as usize);
-        let material = &mesh.materials[of_file.material as usize];
-        let sane = |c: Vec4| if c.is_finite() { c.clamp(Vec4::ZERO, Vec4::splat(BRIGHTEST)) } else { Vec4::ONE };
         Brush {
-            face: face.as_vec3(),
+            corners: Corners::new(mesh, triangle, face.as_vec3()),
             axes: shadow_axes(face, shape.axis()).map(DVec3::as_vec3),
-            normal: corners.map(|v| {
-                let normal = mesh.normal.get(v).copied().unwrap_or_default().try_normalize();
-                normal.unwrap_or(face.as_vec3())
-            }),
-            colour: corners.map(|v| sane(material.colour) * sane(mesh.colour.get(v).copied().unwrap_or(Vec4::ONE))),
-            alpha: material.alpha,
             texture: self.of_material[of_file.material as usize]
                 .map(|index| self.stencil(index, corners, &shape, self.radius(fine))),
         }
@@ -135,15 +178,12 @@ impl<'a> Palette<'a> {
 impl Brush<'_> {
     /// The unit normal of the triangle, by its winding.
     pub(super) fn face(&self) -> Vec3 {
-        self.face
+        self.corners.face
     }
 
     pub(super) fn dab(&self, hit: &Hit) -> Dab {
-        let [b, c] = hit.weight;
-        let a = 1.0 - b - c;
-        let normal = a * self.normal[0] + b * self.normal[1] + c * self.normal[2];
-        let normal = normal.try_normalize().unwrap_or(self.face);
-        let factor = a * self.colour[0] + b * self.colour[1] + c * self.colour[2];
+        let normal = self.corners.normal(hit.weight);
+        let factor = self.corners.colour(hit.weight);
         let mut colour = [factor.truncate(); LEVELS];
         let mut alpha = factor.w;
         if let Some(Stencil { pyramid, uv, footprint }) = &self.texture {
@@ -153,18 +193,14 @@ impl Brush<'_> {
             for (level, colour) in colour.iter_mut().enumerate() {
                 let texel = pyramid.filter(&footprint[level], at);
                 // Where all is transparent there is no colour: the finer level's stands.
-                finer = if texel.w > 1e-6 { texel.truncate() / texel.w } else { finer };
+                finer = straight(texel).unwrap_or(finer);
                 *colour *= finer;
                 if level == 0 {
                     alpha *= texel.w;
                 }
             }
         }
-        let opacity = match self.alpha {
-            AlphaMode::Opaque => Some(1.0),
-            AlphaMode::Mask(least) => (alpha >= least).then_some(1.0),
-            AlphaMode::Blend => Some(alpha.clamp(0.0, 1.0)),
-        };
+        let opacity = self.corners.opacity(alpha);
         let [u, v] = self.axes;
         let axes = if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] };
         Dab { normal, axes, colour, opacity }

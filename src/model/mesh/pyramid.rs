@@ -298,12 +298,7 @@ impl Side {
 
     /// The cell held that is like this one.
     fn wrapped(&self, index: i64) -> i64 {
-        let (count, pad) = (self.count as i64, self.pad as i64);
-        match self.wrap {
-            Wrap::Repeat => index.rem_euclid(count),
-            Wrap::Mirror => index.rem_euclid(2 * count).min(2 * count - 1 - index.rem_euclid(2 * count)),
-            Wrap::Clamp => index.clamp(-pad, count - 1 + pad),
-        }
+        self.wrap.cell(index, self.count as i64, self.pad as i64)
     }
 
     fn nearest(&self, at: f64) -> i64 {

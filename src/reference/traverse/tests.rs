@@ -70,7 +70,7 @@ fn depth_of(surfels: &Surfels, i: usize, ray: &ModelRay) -> Option<f64> {
 
 fn hits(found: &Found) -> Vec<(u32, u64, u64, u64, bool)> {
     let mut all: Vec<_> =
-        found.hits.iter().map(|h| (h.surfel, h.depth.to_bits(), h.u.to_bits(), h.v.to_bits(), h.back)).collect();
+        found.hits.iter().map(|h| (h.element, h.depth.to_bits(), h.u.to_bits(), h.v.to_bits(), h.back)).collect();
     all.sort_unstable();
     all
 }
