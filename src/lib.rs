@@ -175,7 +175,7 @@ pub use math::{Bounds, Trs as Transform};
 pub use model::{Gaussians, Material, Optics, Surfels, SurfelsBuilder, VelocityUnit};
 pub use scene::{
     AnimationBinding, Camera, Capture, FrameRange, GaussianModel, ImageSettings, Light, Motion, Object, PointMotion,
-    Scene, Shape, Source, Sphere, SurfelModel,
+    Scene, Shape, Source, Sphere, Surface, SurfelModel,
 };
 pub use scene_file::Opening;
 pub use time::{Anchor, Direction, FrameNumber, Readout, Shutter, Weight};

@@ -352,7 +352,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let Some(object) = scene.capture_before_panorama() {
         return Err(BackendError::Panorama { object: object.name.clone() });
     }
-    match scene.objects.iter().find(|object| matches!(object.shape, Shape::Sphere(_))) {
+    match scene.objects.iter().find(|object| matches!(object.shape, Shape::Sphere { .. })) {
         Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
         None => Ok(()),
     }

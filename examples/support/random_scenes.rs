@@ -207,8 +207,9 @@ impl Dice {
         };
         let mut made = object(splatblur::model::Surfels::default());
         made.shape = model.clone();
-        made.two_sided = true;
-        made.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.2, shininess: 20.0 });
+        made.shape.surface_mut().expect("a surface").two_sided = true;
+        made.shape.surface_mut().expect("a surface").material =
+            Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.2, shininess: 20.0 });
         let place = DVec3::new(self.within(-1.4, 1.4), self.within(-0.8, 0.8), self.within(-1.5, 1.0));
         let turn = DVec3::new(0.0, self.within(0.0, 360.0), 0.0);
         let scale = DVec3::splat(size * self.within(0.5, 1.5));
@@ -306,14 +307,16 @@ pub fn random_hard(models: &Models, seed: u64, index: u64) -> Scene {
     if dice.chance(0.25) {
         let specular = dice.within(2.0, 10.0) as f32;
         let object = &mut made.objects[dice.below(count) as usize];
-        object.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular, shininess: 40.0 });
+        object.shape.surface_mut().expect("a surface").material =
+            Some(Material { ambient: 1.0, diffuse: 1.0, specular, shininess: 40.0 });
     }
     if dice.chance(0.25) {
         let mut environment = models.studio.clone();
         environment.rotation = dice.within(0.0, 6.0);
         environment.background = dice.chance(0.7);
         made.environment = Some(environment);
-        made.objects[dice.below(count) as usize].reflection = dice.within(0.1, 0.6);
+        made.objects[dice.below(count) as usize].shape.surface_mut().expect("a surface").reflection =
+            dice.within(0.1, 0.6);
     }
     made.name = format!("hard_{seed}_{index}");
     made

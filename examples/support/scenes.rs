@@ -34,7 +34,8 @@ fn placed(model: Surfels, from: DVec3, motions: Vec<Motion>) -> Object {
     let mut object = object(model);
     object.transform.translate = from;
     object.motions = motions;
-    object.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.1, shininess: 30.0 });
+    object.shape.surface_mut().expect("a surface").material =
+        Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.1, shininess: 30.0 });
     object.epsilon = Some(0.03);
     object
 }

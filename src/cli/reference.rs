@@ -113,11 +113,11 @@ pub(super) struct Reference {
     #[arg(
         long,
         value_name = "WHAT",
-        default_value = Meshes::Triangles.name(),
-        value_parser = Meshes::WORDS,
+        default_value_t,
+        value_parser = values::one_of::<Meshes>(Meshes::WORDS),
         help_heading = "Sampling"
     )]
-    meshes: String,
+    meshes: Meshes,
 
     #[command(flatten)]
     sampling: Sampling,
@@ -284,7 +284,7 @@ impl Reference {
             samples: self.samples,
             error: self.error,
             sampler,
-            meshes: if self.meshes == Meshes::Surfels.name() { Meshes::Surfels } else { Meshes::Triangles },
+            meshes: self.meshes,
             look: self.surfaces.look(&self.sampling, self.images.aovs()?),
         };
         if options.look.aovs.contains(&Aov::Object) {

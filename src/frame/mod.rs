@@ -137,7 +137,7 @@ impl FrameObject {
 
     /// Is it a volume?
     pub fn is_volume(&self) -> bool {
-        matches!(self.shape, Shape::Volume(_))
+        matches!(self.shape, Shape::Volume { .. })
     }
 }
 
@@ -337,12 +337,12 @@ fn model_bytes(scene: &Scene) -> u64 {
 /// and so are see-through surfels and volumes.
 fn blending(scene: &Scene) -> Option<Blending> {
     let blending = |object: &Object| match &object.shape {
-        Shape::Gaussians { model, .. } | Shape::Volume(model) => {
+        Shape::Gaussians { model, .. } | Shape::Volume { model, .. } => {
             let linear = model.gaussians().linear || model.flat.is_some();
             Some(if linear { Blending::Linear } else { Blending::Coded })
         }
         Shape::Surfels { .. } => object.is_see_through().then_some(Blending::Linear),
-        Shape::Sequence { .. } | Shape::Sphere(_) => None,
+        Shape::Sequence { .. } | Shape::Sphere { .. } => None,
     };
     scene.objects.iter().filter_map(blending).reduce(|a, b| if a == Blending::Coded { a } else { b })
 }
@@ -350,13 +350,14 @@ fn blending(scene: &Scene) -> Option<Blending> {
 /// Material of the object: the scene's, else the file's, else the default.
 fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> FrameObject {
     let has_materials = object.shape.surfels().is_some_and(|model| !model.surfels().material.is_empty());
-    let material = object.material.or_else(|| (!has_materials).then(Material::default));
-    let two_sided = options.look.two_sided || object.two_sided;
+    let surface = object.shape.surface().copied().unwrap_or_default();
+    let material = object.shape.material().or_else(|| (!has_materials).then(Material::default));
+    let two_sided = options.look.two_sided || surface.two_sided;
     FrameObject {
         shape: object.shape.clone(),
         see_through: object.is_see_through(),
         opacity: object.opacity as f32,
-        reflection: object.reflection as f32,
+        reflection: surface.reflection as f32,
         material,
         two_sided,
         is_static,

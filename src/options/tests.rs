@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::film::Aov;
+use crate::reference::Meshes;
 use crate::time::Weight;
 
 fn quality(text: &str) -> Quality {
@@ -177,6 +178,7 @@ fn words_read_back() {
     both::<PixelFilter>(&["box", "point", "gaussian:0.25", "gaussian:1", "gaussian:4"]);
     both::<Prefilter>(Prefilter::WORDS);
     both::<Shading>(Shading::WORDS);
+    both::<Meshes>(Meshes::WORDS);
     both::<KernelShape>(KernelShape::WORDS);
     both::<KernelWeight>(KernelWeight::WORDS);
     both::<TemporalAlpha>(TemporalAlpha::WORDS);

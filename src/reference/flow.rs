@@ -321,7 +321,7 @@ impl<'w, 'a> Follower<'w, 'a> {
             return None;
         }
         let film = world.film(p);
-        let both = world.options.look.two_sided || later.object.two_sided;
+        let both = world.options.look.two_sided || later.surface.two_sided;
         film.iter().all(|c| c.is_finite()).then_some((film, depth, side[0] == side[1], both))
     }
 }

@@ -6,7 +6,7 @@ use super::error::ReferenceError;
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};
 use crate::film::Aov;
 use crate::limits::Invalid;
-use crate::options::{Look, RenderOptions};
+use crate::options::{Look, RenderOptions, words};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -24,15 +24,7 @@ pub enum Meshes {
     Surfels,
 }
 
-impl Meshes {
-    /// The words for them.
-    pub const WORDS: [&str; 2] = ["triangles", "surfels"];
-
-    /// The word for it.
-    pub fn name(self) -> &'static str {
-        Self::WORDS[self as usize]
-    }
-}
+words!(Meshes, "part of a mesh to trace", [Triangles = "triangles", Surfels = "surfels"]);
 
 /// The choices for a reference.
 #[derive(Clone, Debug, PartialEq)]

@@ -22,7 +22,7 @@ use crate::model::{Gaussians, Material, Surfels};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
 use crate::scene::pose::{ObjectPoser, camera_from_world};
-use crate::scene::{Drawing, Light, Object, Scene, Shape, Sphere, SurfelModel};
+use crate::scene::{Drawing, Light, Object, Scene, Shape, Sphere, Surface, SurfelModel};
 use crate::shading::ShadingLight;
 use crate::time::FrameNumber;
 
@@ -105,6 +105,8 @@ pub(super) struct Body<'a> {
     pub object: &'a Object,
     pub surfels: &'a Surfels,
     pub form: Form,
+    /// How its surface looks. A volume has the material alone.
+    pub surface: Surface,
     /// How its Gaussians are drawn.
     pub drawing: Drawing,
     /// Light passes through its surfels.
@@ -172,9 +174,9 @@ impl<'a> World<'a> {
             .map(|object| {
                 let drawing = object.shape.drawing(object.opacity).unwrap_or_default();
                 let form = match &object.shape {
-                    Shape::Sphere(sphere) => Form::Sphere(*sphere),
+                    Shape::Sphere { sphere, .. } => Form::Sphere(*sphere),
                     Shape::Gaussians { model, .. } => Form::Gaussians(tree_of(&mut shown, model.gaussians(), drawing)),
-                    Shape::Volume(model) => Form::Volume(tree_of(&mut volumes, model.gaussians(), drawing)),
+                    Shape::Volume { model, .. } => Form::Volume(tree_of(&mut volumes, model.gaussians(), drawing)),
                     Shape::Surfels { model, .. } if !model.surfels().is_empty() => {
                         Form::Model(distinct.iter().position(|other| alike(other, object)).unwrap_or_else(|| {
                             distinct.push(object);
@@ -409,6 +411,10 @@ impl<'a> Body<'a> {
             object,
             surfels: object.shape.surfels_or_none(),
             form,
+            surface: Surface {
+                material: object.shape.material(),
+                ..object.shape.surface().copied().unwrap_or_default()
+            },
             drawing: object.shape.drawing(object.opacity).unwrap_or_default(),
             see_through: matches!(form, Form::Model(_)) && object.is_see_through(),
             pace: if object.blur {
@@ -487,6 +493,6 @@ impl<'a> Body<'a> {
 
     /// Material of a surfel: that of the scene; without it that of the file; without both the default.
     pub(super) fn material(&self, surfel: usize) -> Material {
-        self.object.material.or_else(|| self.surfels.material.get(surfel).copied()).unwrap_or_default()
+        self.surface.material.or_else(|| self.surfels.material.get(surfel).copied()).unwrap_or_default()
     }
 }

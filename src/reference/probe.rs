@@ -13,7 +13,7 @@ use super::options::ReferenceOptions;
 use super::posed::{Form, World};
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
-use super::trace::{Surface, Tracer};
+use super::trace::{HitPoint, Tracer};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -173,7 +173,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
     for hit in &all {
         let body = &world.bodies[hit.object as usize];
         let Some(target) = tracer.target(0, hit) else { continue };
-        let surface = Surface::of(world, target, hit);
+        let surface = HitPoint::of(world, target, hit);
         let layer = surfaces.layers(0).iter().position(|layer| hit.depth <= layer.limit);
         let layer = layer.filter(|_| body.see_through);
         hits.push(ProbedHit {

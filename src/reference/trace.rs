@@ -143,7 +143,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     near: world.scene.camera.near,
                     // An infinite tolerance lowers no limit.
                     epsilon: if see_through { f64::INFINITY } else { pose.epsilon },
-                    two_sided: world.options.look.two_sided || body.object.two_sided,
+                    two_sided: world.options.look.two_sided || body.surface.two_sided,
                     object: number as u32,
                     lane,
                     elapsed,
@@ -204,7 +204,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         for hit in &*hits {
             let body = &self.world.bodies[hit.object as usize];
             let Some(target) = self.target(lane, hit) else { continue };
-            let surface = Surface::of(self.world, target, hit);
+            let surface = HitPoint::of(self.world, target, hit);
             let w = hit.weight();
             let c = match self.world.options.look.shading {
                 Shading::Phong => surface.colour,
@@ -212,7 +212,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     let position = (surface.centre(target) - target.eye).as_vec3();
                     let lit =
                         shade(&self.lights, &surface.material, surface.colour, surface.normal.as_vec3(), position);
-                    let mirrors = self.mirrored(body.object.reflection, surface.normal, position.as_dvec3());
+                    let mirrors = self.mirrored(body.surface.reflection, surface.normal, position.as_dvec3());
                     lit + mirrors.as_vec3()
                 }
             };
@@ -220,7 +220,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             colour += w * c.as_dvec3();
             normal += w * surface.normal;
             depth += w * hit.depth;
-            reflection += w * body.object.reflection;
+            reflection += w * body.surface.reflection;
             let Material { ambient, diffuse, specular, shininess } = surface.material;
             for (sum, value) in material.iter_mut().zip([ambient, diffuse, specular, shininess]) {
                 *sum += w * f64::from(value);
@@ -264,7 +264,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
 
     /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth (docs/math.md,
     /// section 8).
-    fn velocity(&self, body: &Body<'_>, target: &Target, surface: &Surface, time: f64) -> DVec2 {
+    fn velocity(&self, body: &Body<'_>, target: &Target, surface: &HitPoint, time: f64) -> DVec2 {
         if !body.object.blur {
             return DVec2::ZERO;
         }
@@ -292,7 +292,7 @@ impl Hit {
 }
 
 /// The attributes that a hit contributes.
-pub(super) struct Surface {
+pub(super) struct HitPoint {
     pub colour: Vec3,
     /// Unit normal in world axes. It is turned to the viewer where the surface is seen from behind.
     pub normal: DVec3,
@@ -303,7 +303,7 @@ pub(super) struct Surface {
     pub material: Material,
 }
 
-impl Surface {
+impl HitPoint {
     /// Centre of the surfel in the world.
     fn centre(&self, target: &Target) -> DVec3 {
         target.pose.world_from_model.transform_point3(self.model)

@@ -28,7 +28,7 @@ impl Scene {
     /// # Errors
     /// A file cannot be read, or does not go with the one beside it.
     pub(super) fn parts(&self, object: &Object, number: f64) -> Result<Vec<Object>, ModelError> {
-        let Shape::Sequence { files, unit } = &object.shape else { return Ok(vec![object.clone()]) };
+        let Shape::Sequence { files, unit, surface } = &object.shape else { return Ok(vec![object.clone()]) };
         // The picture of mode `still` is that of the frame's number.
         let [first, last] = self.shutter.whole_exposure(number);
         let [early, late] = self.shutter.readout.delays().map(|delay| number + delay);
@@ -40,6 +40,7 @@ impl Scene {
             return Ok(vec![shaped(Shape::default())]);
         }
         let points = |at: f64| PointMotion { unit: Some(VelocityUnit::Frame), at: Some(at) };
-        Ok(pieces.into_iter().map(|(model, at)| shaped(Shape::Surfels { model, points: points(at) })).collect())
+        let surfels = |model, at| Shape::Surfels { model, points: points(at), surface: *surface };
+        Ok(pieces.into_iter().map(|(model, at)| shaped(surfels(model, at))).collect())
     }
 }

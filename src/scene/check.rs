@@ -4,7 +4,7 @@
 //! made.
 
 use super::model::GaussianModel;
-use super::shape::{Capture, PointMotion, Shape, Sphere};
+use super::shape::{Capture, PointMotion, Shape, Sphere, Surface};
 use super::values::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::environment::Environment;
 use crate::limits::{self, Invalid, Range};
@@ -132,11 +132,7 @@ impl Object {
         check_placement(&self.transform).map_err(|e| e.within("transform"))?;
         check_placement(&self.place).map_err(|e| e.within("place"))?;
         check_motions(&self.motions)?;
-        if let Some(material) = &self.material {
-            check_material(*material).map_err(|e| e.within("material"))?;
-        }
         limits::UNIT.check("opacity", self.opacity)?;
-        limits::UNIT.check("reflection", self.reflection)?;
         if let Some(epsilon) = self.epsilon {
             limits::EPSILON.check("epsilon", epsilon)?;
         }
@@ -149,24 +145,39 @@ impl Shape {
         if let Some(flaw) = self.flaw() {
             return Err(flaw.clone().within("model"));
         }
+        if let Some(surface) = self.surface() {
+            surface.check().map_err(|e| e.within("surface"))?;
+        }
         match self {
             Self::Surfels { points: PointMotion { at: Some(at), .. }, .. } => limits::FRAME.check("points.at", *at),
             Self::Gaussians { model, .. } if model.gaussians().optics != Optics::Alpha => {
                 Err(optics("a volume", "a capture"))
             }
-            Self::Volume(model) if model.gaussians().optics == Optics::Alpha => Err(optics("a capture", "a volume")),
+            Self::Volume { model, .. } if model.gaussians().optics == Optics::Alpha => {
+                Err(optics("a capture", "a volume"))
+            }
             Self::Gaussians { model, capture } => {
                 let most = Capture::MOST_HARMONICS.into();
                 limits::check_count("capture.harmonics", capture.harmonics.into(), &(0..=most))?;
                 model.check().map_err(|e| e.within("model"))
             }
-            Self::Volume(model) => model.check().map_err(|e| e.within("model")),
-            Self::Sphere(Sphere { radius, colour }) => {
+            Self::Volume { model, material } => {
+                material.map_or(Ok(()), check_material).map_err(|e| e.within("material"))?;
+                model.check().map_err(|e| e.within("model"))
+            }
+            Self::Sphere { sphere: Sphere { radius, colour }, .. } => {
                 limits::LENGTH.check("sphere.radius", *radius)?;
                 limits::LIGHT.check_all("sphere.colour", colour.as_dvec3())
             }
             Self::Surfels { .. } | Self::Sequence { .. } => Ok(()),
         }
+    }
+}
+
+impl Surface {
+    fn check(&self) -> Result<(), Invalid> {
+        self.material.map_or(Ok(()), check_material).map_err(|e| e.within("material"))?;
+        limits::UNIT.check("reflection", self.reflection)
     }
 }
 

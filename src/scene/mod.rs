@@ -19,7 +19,7 @@ pub(crate) use self::detail::{SURFELS, wanted_spacing};
 pub use self::model::{GaussianModel, SurfelModel};
 pub(crate) use self::sequence::Opened;
 pub use self::sequence::{Pattern, Sequence, SequenceSpec};
-pub use self::shape::{Capture, Drawing, PointMotion, Shape, Sphere};
+pub use self::shape::{Capture, Drawing, PointMotion, Shape, Sphere, Surface};
 pub(crate) use self::sight::camera_enters;
 pub use self::unseen::{Unseen, why_unseen};
 pub use self::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene, Source};

@@ -9,7 +9,7 @@ use super::sequence::Sequence;
 use crate::limits::Invalid;
 use crate::math::Bounds;
 use crate::model::paths::Paths;
-use crate::model::{Gaussians, LoadedModel, LoadedShape, Optics, Surfels, VelocityUnit};
+use crate::model::{Gaussians, LoadedModel, LoadedShape, Material, Optics, Surfels, VelocityUnit};
 
 /// What an object is made of: exactly one of these.
 #[derive(Clone, Debug)]
@@ -20,6 +20,8 @@ pub enum Shape {
         model: SurfelModel,
         /// How they move by themselves.
         points: PointMotion,
+        /// How their surface looks.
+        surface: Surface,
     },
     /// A capture: Gaussians with opacities and colours.
     Gaussians {
@@ -29,16 +31,28 @@ pub enum Shape {
         capture: Capture,
     },
     /// A volume, as kernels that absorb and emit.
-    Volume(GaussianModel),
+    Volume {
+        /// The kernels.
+        model: GaussianModel,
+        /// Material of all kernels that lights shade; `None`: the default.
+        material: Option<Material>,
+    },
     /// Point files of many frames.
     Sequence {
         /// The files.
         files: Arc<Sequence>,
         /// Unit of time of the files' velocities; `None`: as each file says.
         unit: Option<VelocityUnit>,
+        /// How the surface of all files looks.
+        surface: Surface,
     },
     /// An ideal sphere. Only the reference shows it; a renderer refuses it.
-    Sphere(Sphere),
+    Sphere {
+        /// Its size and colour.
+        sphere: Sphere,
+        /// How its surface looks.
+        surface: Surface,
+    },
 }
 
 impl Shape {
@@ -46,7 +60,7 @@ impl Shape {
     pub fn surfels(&self) -> Option<&SurfelModel> {
         match self {
             Self::Surfels { model, .. } => Some(model),
-            Self::Gaussians { .. } | Self::Volume(_) | Self::Sequence { .. } | Self::Sphere(_) => None,
+            Self::Gaussians { .. } | Self::Volume { .. } | Self::Sequence { .. } | Self::Sphere { .. } => None,
         }
     }
 
@@ -58,24 +72,24 @@ impl Shape {
     /// The Gaussians of a capture or the kernels of a volume; `None` for other shapes.
     pub fn gaussians(&self) -> Option<&GaussianModel> {
         match self {
-            Self::Gaussians { model, .. } | Self::Volume(model) => Some(model),
-            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => None,
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => Some(model),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere { .. } => None,
         }
     }
 
     /// The same, to be changed.
     pub fn gaussians_mut(&mut self) -> Option<&mut GaussianModel> {
         match self {
-            Self::Gaussians { model, .. } | Self::Volume(model) => Some(model),
-            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => None,
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => Some(model),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere { .. } => None,
         }
     }
 
     /// Is it a capture or a volume? Gaussians have no sides. They are sorted by depth and composited.
     pub(crate) fn is_composited(&self) -> bool {
         match self {
-            Self::Gaussians { .. } | Self::Volume(_) => true,
-            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => false,
+            Self::Gaussians { .. } | Self::Volume { .. } => true,
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere { .. } => false,
         }
     }
 
@@ -83,7 +97,7 @@ impl Shape {
     pub fn sequence(&self) -> Option<&Arc<Sequence>> {
         match self {
             Self::Sequence { files, .. } => Some(files),
-            Self::Surfels { .. } | Self::Gaussians { .. } | Self::Volume(_) | Self::Sphere(_) => None,
+            Self::Surfels { .. } | Self::Gaussians { .. } | Self::Volume { .. } | Self::Sphere { .. } => None,
         }
     }
 
@@ -91,7 +105,7 @@ impl Shape {
     pub fn points_mut(&mut self) -> Option<&mut PointMotion> {
         match self {
             Self::Surfels { points, .. } => Some(points),
-            Self::Gaussians { .. } | Self::Volume(_) | Self::Sequence { .. } | Self::Sphere(_) => None,
+            Self::Gaussians { .. } | Self::Volume { .. } | Self::Sequence { .. } | Self::Sphere { .. } => None,
         }
     }
 
@@ -104,8 +118,8 @@ impl Shape {
     pub(crate) fn positions(&self) -> &[Vec3] {
         match self {
             Self::Surfels { model, .. } => &model.surfels.position,
-            Self::Gaussians { model, .. } | Self::Volume(model) => &model.gaussians.position,
-            Self::Sequence { .. } | Self::Sphere(_) => &[],
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => &model.gaussians.position,
+            Self::Sequence { .. } | Self::Sphere { .. } => &[],
         }
     }
 
@@ -119,9 +133,44 @@ impl Shape {
         self.surfels().map_or_else(|| NO_SURFELS.paths(), SurfelModel::paths)
     }
 
-    /// Do both sides show where nobody says it?
-    pub fn two_sided(&self) -> bool {
-        self.surfels().is_some_and(|model| model.surfels.two_sided)
+    /// How its surface looks; `None` for captures and volumes, which have no surface.
+    pub fn surface(&self) -> Option<&Surface> {
+        match self {
+            Self::Surfels { surface, .. } | Self::Sequence { surface, .. } | Self::Sphere { surface, .. } => {
+                Some(surface)
+            }
+            Self::Gaussians { .. } | Self::Volume { .. } => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn surface_mut(&mut self) -> Option<&mut Surface> {
+        match self {
+            Self::Surfels { surface, .. } | Self::Sequence { surface, .. } | Self::Sphere { surface, .. } => {
+                Some(surface)
+            }
+            Self::Gaussians { .. } | Self::Volume { .. } => None,
+        }
+    }
+
+    /// Material of the whole object; `None`: the model's own, else the default. Captures have none.
+    pub fn material(&self) -> Option<Material> {
+        match self {
+            Self::Volume { material, .. } => *material,
+            _ => self.surface()?.material,
+        }
+    }
+
+    /// Gives the whole object a material. Nothing happens to a capture, which has none.
+    pub(crate) fn set_material(&mut self, new: Material) {
+        match self {
+            Self::Volume { material, .. } => *material = Some(new),
+            _ => {
+                if let Some(surface) = self.surface_mut() {
+                    surface.material = Some(new);
+                }
+            }
+        }
     }
 
     /// Median of the cut-off radii, or of twice the largest standard deviations of Gaussians, model space; 0 for a
@@ -129,8 +178,8 @@ impl Shape {
     pub fn median_radius(&self) -> f32 {
         match self {
             Self::Surfels { model, .. } => model.median_radius,
-            Self::Gaussians { model, .. } | Self::Volume(model) => model.median_radius,
-            Self::Sequence { .. } | Self::Sphere(_) => 0.0,
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => model.median_radius,
+            Self::Sequence { .. } | Self::Sphere { .. } => 0.0,
         }
     }
 
@@ -148,17 +197,17 @@ impl Shape {
     pub fn bounds(&self) -> Bounds {
         match self {
             Self::Surfels { model, .. } => model.bounds,
-            Self::Gaussians { model, .. } | Self::Volume(model) => model.bounds(),
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => model.bounds(),
             Self::Sequence { files, .. } => files.bounds(),
-            Self::Sphere(sphere) => sphere.bounds(),
+            Self::Sphere { sphere, .. } => sphere.bounds(),
         }
     }
 
     /// Box around what a viewer looks at, model space: [`Self::bounds`] without the strays of a capture.
     pub fn core(&self) -> Bounds {
         match self {
-            Self::Gaussians { model, .. } | Self::Volume(model) => model.core(),
-            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => self.bounds(),
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => model.core(),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere { .. } => self.bounds(),
         }
     }
 
@@ -166,8 +215,8 @@ impl Shape {
     pub(crate) fn drawing(&self, opacity: f64) -> Option<Drawing> {
         let (GaussianModel { crop, flat, .. }, Capture { harmonics, antialias }) = match self {
             Self::Gaussians { model, capture } => (model, *capture),
-            Self::Volume(model) => (model, Capture::default()),
-            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => return None,
+            Self::Volume { model, .. } => (model, Capture::default()),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere { .. } => return None,
         };
         Some(Drawing { opacity, harmonics, crop: *crop, antialias, flat: *flat })
     }
@@ -176,8 +225,8 @@ impl Shape {
     pub(crate) fn flaw(&self) -> Option<&Invalid> {
         match self {
             Self::Surfels { model, .. } => model.flaw.as_deref(),
-            Self::Gaussians { model, .. } | Self::Volume(model) => model.flaw.as_deref(),
-            Self::Sequence { .. } | Self::Sphere(_) => None,
+            Self::Gaussians { model, .. } | Self::Volume { model, .. } => model.flaw.as_deref(),
+            Self::Sequence { .. } | Self::Sphere { .. } => None,
         }
     }
 }
@@ -187,6 +236,17 @@ impl Default for Shape {
     fn default() -> Self {
         SurfelModel::default().into()
     }
+}
+
+/// How the surface of an object looks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// The whole object's material; `None`: the model's own, else the default.
+    pub material: Option<Material>,
+    /// Share of the environment's radiance that it mirrors, in [0, 1].
+    pub reflection: f64,
+    /// True: back faces show, with their normals turned to the viewer. A new object does as its model says.
+    pub two_sided: bool,
 }
 
 /// How the points of a model move by themselves: p(t) = p + v t + a t^2/2, with the model's velocities v and
@@ -257,7 +317,8 @@ impl Sphere {
 
 impl From<SurfelModel> for Shape {
     fn from(model: SurfelModel) -> Self {
-        Self::Surfels { model, points: PointMotion::default() }
+        let surface = Surface { two_sided: model.surfels.two_sided, ..Surface::default() };
+        Self::Surfels { model, points: PointMotion::default(), surface }
     }
 }
 
@@ -278,7 +339,7 @@ impl From<GaussianModel> for Shape {
     fn from(model: GaussianModel) -> Self {
         match model.gaussians.optics {
             Optics::Alpha => Self::Gaussians { model, capture: Capture::default() },
-            Optics::Extinction { .. } => Self::Volume(model),
+            Optics::Extinction { .. } => Self::Volume { model, material: None },
         }
     }
 }
@@ -297,7 +358,7 @@ impl From<Gaussians> for Shape {
 
 impl From<Sphere> for Shape {
     fn from(sphere: Sphere) -> Self {
-        Self::Sphere(sphere)
+        Self::Sphere { sphere, surface: Surface::default() }
     }
 }
 

@@ -121,7 +121,7 @@ fn of_parts(scene: &Scene, parts: &[Object], number: f64, drawn: bool) -> Unseen
             }
         }
     }
-    places.cause(parts.iter().any(|part| part.two_sided || part.shape.is_composited()), drawn)
+    places.cause(parts.iter().any(|part| part.shape.surface().is_none_or(|surface| surface.two_sided)), drawn)
 }
 
 impl Places {
@@ -187,7 +187,7 @@ impl<'a> Instant<'a> {
         let bounds = part.shape.bounds();
         let every = part.shape.elements().div_ceil(most).max(1);
         match &part.shape {
-            Shape::Gaussians { model, .. } | Shape::Volume(model) => {
+            Shape::Gaussians { model, .. } | Shape::Volume { model, .. } => {
                 let cropped = |p: &DVec3| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all();
                 let shown = model.gaussians().position.iter().step_by(every).map(|p| p.as_dvec3()).filter(cropped);
                 shown.for_each(|p| self.place(p, None, places));
@@ -199,7 +199,7 @@ impl<'a> Instant<'a> {
                     self.place(place, Some(surfels.normal[i].as_dvec3()), places);
                 }
             }
-            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere(_) => {
+            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => {
                 bounds.corners().into_iter().for_each(|p| self.place(p, None, places));
             }
         }

@@ -11,7 +11,7 @@ use crate::environment::Environment;
 use crate::files::Seen;
 use crate::math::{Bounds, Trs};
 use crate::model::paths::elapsed;
-use crate::model::{self, Cloud, LoadOptions, Material, ModelError, VelocityUnit};
+use crate::model::{self, Cloud, LoadOptions, ModelError, VelocityUnit};
 use crate::time::Shutter;
 
 /// Objects, lights and a camera, with the image, the frames and the shutter: all that is rendered.
@@ -229,30 +229,23 @@ pub struct Object {
     pub motions: Vec<Motion>,
     /// After motion.
     pub place: Trs,
-    /// The whole object's material; `None`: the model's own, else the default. Captures and volumes have none.
-    pub material: Option<Material>,
     /// Factor on the opacities of all surfels, Gaussians or kernels, in [0, 1].
     pub opacity: f64,
-    /// Share of the environment's radiance that its surface mirrors, in [0, 1].
-    pub reflection: f64,
     /// Depth tolerance of the visibility rule, world units; `None`: [`Shape::tolerance`] times the object's scale.
     pub epsilon: Option<f64>,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
-    /// True: back faces show, with their normals turned to the viewer.
-    pub two_sided: bool,
 }
 
 impl Object {
     /// An object of this shape: surfels, Gaussians, an ideal sphere, or the [`Shape`] of another object.
     ///
     /// It has no name ([`Scene::new`] gives it one), stands where its model does, does not move, and has its model's
-    /// material. Renderers are faster where neighbours in the model are neighbours in space
+    /// material ([`Shape::surface_mut`] changes that). Renderers are faster where neighbours in the model are neighbours in space
     /// ([`Surfels::spatially_ordered`]).
     ///
     /// [`Surfels::spatially_ordered`]: crate::model::Surfels::spatially_ordered
     pub fn new(shape: impl Into<Shape>) -> Self {
-        let shape = shape.into();
         Self {
             name: String::new(),
             source: Source::default(),
@@ -260,13 +253,10 @@ impl Object {
             animation: None,
             motions: Vec::new(),
             place: Trs::default(),
-            material: None,
             opacity: 1.0,
-            reflection: 0.0,
             epsilon: None,
             blur: true,
-            two_sided: shape.two_sided(),
-            shape,
+            shape: shape.into(),
         }
     }
 
@@ -312,7 +302,7 @@ impl Object {
     /// Surfels that move by themselves from frame to frame.
     fn travelling(&self) -> Option<&SurfelModel> {
         match &self.shape {
-            Shape::Surfels { model, points } if points.at.is_some() && !model.paths().is_empty() => Some(model),
+            Shape::Surfels { model, points, .. } if points.at.is_some() && !model.paths().is_empty() => Some(model),
             _ => None,
         }
     }
@@ -327,7 +317,7 @@ impl Object {
 
     /// Units of time of the velocities of its points in a frame, at `rate` frames per second.
     pub(crate) fn time_units(&self, rate: f64) -> f64 {
-        let Shape::Surfels { model, points } = &self.shape else { return 1.0 / rate };
+        let Shape::Surfels { model, points, .. } = &self.shape else { return 1.0 / rate };
         match points.unit.unwrap_or(model.surfels().velocity_unit) {
             VelocityUnit::Second => 1.0 / rate,
             VelocityUnit::Frame => 1.0,

@@ -14,7 +14,7 @@ use crate::model::{
     self, ColourSpace, Kind, Material, MeshOptions, TransferFunction, TransferStop, VelocityUnit, VolumeOptions,
 };
 use crate::scene::{
-    Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Object, Pattern, PointMotion, SequenceSpec, Sphere,
+    Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Pattern, PointMotion, SequenceSpec, Sphere,
 };
 use crate::time::{Anchor, Direction, Readout, Shutter, Weight};
 
@@ -79,6 +79,7 @@ pub(super) enum ShapeSpec {
 pub(super) struct ObjectSpec {
     pub(super) name: String,
     pub(super) blur: bool,
+    /// `None`: as the model says.
     pub(super) two_sided: Option<bool>,
     pub(super) points: PointMotion,
     pub(super) epsilon: Option<f64>,
@@ -96,11 +97,11 @@ pub(super) struct ObjectSpec {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MaterialSpec {
     /// `None`: those of the model's file.
-    coefficients: Option<Material>,
+    pub(super) coefficients: Option<Material>,
     /// Factor on the opacities of surfels.
-    opacity: f64,
+    pub(super) opacity: f64,
     /// Share of the environment that surfels mirror.
-    reflection: f64,
+    pub(super) reflection: f64,
 }
 
 impl MaterialSpec {
@@ -110,13 +111,6 @@ impl MaterialSpec {
     /// Is any of that said?
     pub(super) fn is_of_surfels(&self) -> bool {
         self.opacity != 1.0 || self.reflection != 0.0
-    }
-
-    /// Makes an object look like that.
-    pub(super) fn put_on(&self, object: &mut Object) {
-        object.material = self.coefficients;
-        object.opacity = self.opacity;
-        object.reflection = self.reflection;
     }
 }
 

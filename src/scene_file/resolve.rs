@@ -20,7 +20,7 @@ use crate::image;
 use crate::model::{self, LoadedShape, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::scene::{
     self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Object, Opened, PointMotion, Scene, Sequence,
-    SequenceSpec, Shape,
+    SequenceSpec, Shape, Surface,
 };
 
 /// Reads all files of a document and fills in what it leaves out; the scene, and notes on it.
@@ -58,7 +58,9 @@ pub(super) fn resolve(
     let intrinsics = track.as_ref().and_then(|(_, intrinsics)| *intrinsics);
     let camera_binding = camera_binding.or(track.map(|(binding, _)| binding));
     let environment = document.environment.map(|spec| files.environment(&spec)).transpose()?;
-    if environment.is_none() && objects.iter().any(|object| object.reflection > 0.0) {
+    if environment.is_none()
+        && objects.iter().any(|object| object.shape.surface().is_some_and(|surface| surface.reflection > 0.0))
+    {
         files.notes.push("`reflection` of <material> mirrors the <environment>, and means nothing without".to_owned());
     }
     let camera_moves = document.camera.as_ref().is_some_and(|c| !c.motions.is_empty());
@@ -114,7 +116,7 @@ fn drop_rooms(scene: &Scene, notes: &mut Vec<String>) {
     for object in &scene.objects {
         let begin = format!("{}: {}", object.source.path.display(), model::INWARD);
         let told = notes.iter().any(|note| note.starts_with(&begin));
-        if told && (object.two_sided || scene::camera_enters(scene, object)) {
+        if told && (shows_both(object) || scene::camera_enters(scene, object)) {
             notes.retain(|note| !note.starts_with(&begin));
         }
     }
@@ -178,14 +180,16 @@ pub(super) fn refine(scene: &mut Scene, coarse: &SampledMesh, meshes: usize, not
 /// scene does not say what shows.
 fn show_insides(scene: &mut Scene, sides_given: &[bool], notes: &mut Vec<String>) {
     let estimated = |object: &Object| {
-        object.shape.surfels().is_some_and(|model| model.surfels().signs_estimated) && !object.two_sided
+        object.shape.surfels().is_some_and(|model| model.surfels().signs_estimated) && !shows_both(object)
     };
     let entered: Vec<usize> = (0..scene.objects.len())
         .filter(|&i| !sides_given[i] && estimated(&scene.objects[i]) && scene::camera_enters(scene, &scene.objects[i]))
         .collect();
     for i in entered {
         let object = &mut scene.objects[i];
-        object.two_sided = true;
+        if let Some(surface) = object.shape.surface_mut() {
+            surface.two_sided = true;
+        }
         notes.push(format!("object {}: the camera stands within its box, so both sides show", quoted(&object.name)));
     }
 }
@@ -258,14 +262,23 @@ struct Files<'a> {
     rate: Option<(usize, f64)>,
 }
 
+/// Do both sides of its surface show?
+fn shows_both(object: &Object) -> bool {
+    object.shape.surface().is_some_and(|surface| surface.two_sided)
+}
+
 /// A shape as an object draws it.
 fn as_said(mut shape: Shape, spec: &ObjectSpec) -> Shape {
     let GaussiansSpec { opacity: _, capture: said, crop } = spec.gaussians;
     match &mut shape {
         Shape::Surfels { points, .. } => *points = spec.points,
         Shape::Gaussians { model, capture } => (model.crop, *capture) = (crop, said),
-        Shape::Volume(model) => model.crop = crop,
-        Shape::Sequence { .. } | Shape::Sphere(_) => {}
+        Shape::Volume { model, material } => (model.crop, *material) = (crop, spec.material.coefficients),
+        Shape::Sequence { .. } | Shape::Sphere { .. } => {}
+    }
+    if let Some(surface) = shape.surface_mut() {
+        let two_sided = spec.two_sided.unwrap_or(surface.two_sided);
+        *surface = Surface { material: spec.material.coefficients, reflection: spec.material.reflection, two_sided };
     }
     shape
 }
@@ -273,42 +286,39 @@ fn as_said(mut shape: Shape, spec: &ObjectSpec) -> Shape {
 impl Files<'_> {
     fn object(&mut self, spec: ObjectSpec) -> Result<Object, SceneError> {
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
-        let (path, shape, two_sided) = match &spec.shape {
+        let (path, shape) = match &spec.shape {
             ShapeSpec::Model(file) => {
                 let (path, canonical) = self.find(file)?;
                 let shape = self.model(file, &spec.options, &path, canonical)?;
                 self.note_idle(&spec, &shape);
-                let two_sided = shape.two_sided();
-                (path, as_said(shape, &spec), two_sided)
+                (path, shape)
             }
             ShapeSpec::Sequence(files, first) => {
                 let Opened { sequence: files, two_sided, .. } = self.sequence(files, first, &spec)?;
                 let path = PathBuf::from(files.spec().pattern.to_string());
-                (path, Shape::Sequence { files, unit: spec.points.unit }, two_sided)
+                let surface = Surface { two_sided, ..Surface::default() };
+                (path, Shape::Sequence { files, unit: spec.points.unit, surface })
             }
             ShapeSpec::Sphere(sphere) => {
-                let shape = Shape::Sphere(*sphere);
+                let shape = Shape::from(*sphere);
                 self.note_idle(&spec, &shape);
-                (PathBuf::new(), shape, false)
+                (PathBuf::new(), shape)
             }
         };
-        let mut object = Object {
+        let shape = as_said(shape, &spec);
+        let opacity = if shape.surface().is_some() { spec.material.opacity } else { spec.gaussians.opacity };
+        Ok(Object {
             name: spec.name,
             source: scene::Source { path, options: spec.options },
-            two_sided: spec.two_sided.unwrap_or(two_sided),
             transform: spec.transform,
             animation,
             motions: spec.motions,
             place: spec.place,
             epsilon: spec.epsilon,
+            opacity,
             blur: spec.blur,
             ..Object::new(shape)
-        };
-        spec.material.put_on(&mut object);
-        if let Shape::Gaussians { .. } | Shape::Volume(_) = object.shape {
-            object.opacity = spec.gaussians.opacity;
-        }
-        Ok(object)
+        })
     }
 
     /// The files of a sequence, of which `first` is the first one.
@@ -351,7 +361,7 @@ impl Files<'_> {
     fn note_idle(&mut self, spec: &ObjectSpec, shape: &Shape) {
         let said = spec.gaussians;
         let is_capture = matches!(shape, Shape::Gaussians { .. });
-        let is_volume = matches!(shape, Shape::Volume(_));
+        let is_volume = matches!(shape, Shape::Volume { .. });
         let mut note = |what: &str| {
             self.notes.push(format!("object {}: {what} nothing here", quoted(&spec.name)));
         };
@@ -372,6 +382,12 @@ impl Files<'_> {
         }
         if (is_capture || is_volume) && spec.material.is_of_surfels() {
             note(&format!("{} are for surfels, and mean", MaterialSpec::OF_SURFELS));
+        }
+        if is_capture && spec.material.coefficients.is_some() {
+            note("`ambient`, `diffuse`, `specular` and `shininess` of <material> are for what lights shade, and mean");
+        }
+        if (is_capture || is_volume) && spec.two_sided == Some(true) {
+            note("`twoSided` is for surfels, and means");
         }
     }
 

@@ -158,12 +158,13 @@ impl Xml {
 
     fn object(&mut self, object: &Object, base: &Path) {
         let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
-        attributes.push(("twoSided", object.two_sided.to_string()));
+        let surface = object.shape.surface();
+        attributes.extend(surface.map(|surface| ("twoSided", surface.two_sided.to_string())));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
         let points = match &object.shape {
             Shape::Surfels { points, .. } => *points,
             Shape::Sequence { unit, .. } => PointMotion { unit: *unit, at: None },
-            Shape::Gaussians { .. } | Shape::Volume(_) | Shape::Sphere(_) => PointMotion::default(),
+            Shape::Gaussians { .. } | Shape::Volume { .. } | Shape::Sphere { .. } => PointMotion::default(),
         };
         attributes.extend(points.unit.map(|unit| {
             let word = match unit {
@@ -182,7 +183,7 @@ impl Xml {
         }
         object.motions.iter().for_each(|motion| self.motion(motion));
         self.placement("place", &object.place);
-        let coefficients = object.material.map(|m| {
+        let coefficients = object.shape.material().map(|m| {
             [
                 ("ambient", m.ambient.to_string()),
                 ("diffuse", m.diffuse.to_string()),
@@ -191,14 +192,14 @@ impl Xml {
             ]
         });
         // With its opacity and reflection alone it leaves the coefficients of the model's file.
-        let opacity = match object.shape {
-            // The element of the shape has it.
-            Shape::Gaussians { .. } | Shape::Volume(_) => 1.0,
-            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere(_) => object.opacity,
+        let (opacity, reflection) = match surface {
+            Some(surface) => (object.opacity, surface.reflection),
+            // The element of the shape has the opacity.
+            None => (1.0, 0.0),
         };
-        if coefficients.is_some() || opacity != 1.0 || object.reflection != 0.0 {
+        if coefficients.is_some() || opacity != 1.0 || reflection != 0.0 {
             let mut attributes: Vec<_> = coefficients.into_iter().flatten().collect();
-            attributes.extend([("opacity", number(opacity)), ("reflection", number(object.reflection))]);
+            attributes.extend([("opacity", number(opacity)), ("reflection", number(reflection))]);
             self.line(2, "material", &attributes);
         }
         if let Some(transfer) = &object.source.options.volume.transfer {
@@ -208,7 +209,7 @@ impl Xml {
     }
 
     fn shape(&mut self, object: &Object, base: &Path) {
-        if let Shape::Sphere(sphere) = &object.shape {
+        if let Shape::Sphere { sphere, .. } = &object.shape {
             let Vec3 { x, y, z } = sphere.colour;
             let attributes = [("radius", number(sphere.radius)), ("colour", format!("{x} {y} {z}"))];
             return self.line(2, "sphere", &attributes);
@@ -241,7 +242,7 @@ impl Xml {
             attributes.push(("reduce", mesh.reduce.to_string()));
         }
         let VolumeOptions { transfer: _, kernel, flatten, lit } = volume;
-        if matches!(object.shape, Shape::Volume(_)) || *volume != VolumeOptions::default() {
+        if matches!(object.shape, Shape::Volume { .. }) || *volume != VolumeOptions::default() {
             let flatten = if flatten.is_infinite() { "infinite".to_owned() } else { number(*flatten) };
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }

@@ -207,7 +207,7 @@ impl Provenance {
                 Sampler::Jittered { density } => format!("jittered:{density}"),
                 Sampler::Random => "random".to_owned(),
             }),
-            meshes: Some(options.meshes.name()),
+            meshes: Some(options.meshes.word()),
             filter: options.look.filter.to_string(),
             prefilter: Prefilter::None.to_string(),
             shading: options.look.shading.to_string(),
@@ -283,8 +283,8 @@ impl Settings {
 /// The files that a scene names, each once, without those of sequences. They have no stamp.
 fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
     let is_model = |object: &&Object| match object.shape {
-        Shape::Surfels { .. } | Shape::Gaussians { .. } | Shape::Volume(_) => true,
-        Shape::Sequence { .. } | Shape::Sphere(_) => false,
+        Shape::Surfels { .. } | Shape::Gaussians { .. } | Shape::Volume { .. } => true,
+        Shape::Sequence { .. } | Shape::Sphere { .. } => false,
     };
     let models = scene.objects.iter().filter(is_model).map(|object| &object.source.path);
     let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);

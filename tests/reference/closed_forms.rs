@@ -125,7 +125,7 @@ fn spin_images() {
 fn moving(model: Surfels, motions: Vec<Motion>) -> Object {
     let mut object = object(model);
     object.motions = motions;
-    object.material = Some(UNLIT);
+    object.shape.surface_mut().unwrap().material = Some(UNLIT);
     object
 }
 

@@ -31,7 +31,7 @@ fn film(p: DVec3) -> [f64; 2] {
 fn plane(depth: f64) -> Object {
     let mut plane = object(round_surfels([(DVec3::ZERO, DVec3::Z, 500.0, Vec3::splat(0.5))]));
     plane.transform.translate = DVec3::new(0.0, 0.0, -depth);
-    plane.material = Some(UNLIT);
+    plane.shape.surface_mut().unwrap().material = Some(UNLIT);
     plane.epsilon = Some(1e-3);
     plane
 }

@@ -114,7 +114,7 @@ impl Scenery {
         if let Some((depth, colour)) = self.wall {
             let at = DVec3::new(0.0, 0.0, -depth);
             let mut wall = object(round_surfels([(at, DVec3::Z, 100.0, colour)]));
-            wall.material = Some(UNLIT);
+            wall.shape.surface_mut().unwrap().material = Some(UNLIT);
             wall.epsilon = Some(1e-7);
             objects.insert(0, wall);
         }

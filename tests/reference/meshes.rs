@@ -47,7 +47,7 @@ fn scene_of(model: &Path, folder: &Path, eye: DVec3) -> Scene {
     let path = folder.join("scene.xml");
     fs::write(&path, text).unwrap();
     let mut scene = Scene::load(path).unwrap();
-    scene.objects[0].material = Some(UNLIT);
+    scene.objects[0].shape.surface_mut().unwrap().material = Some(UNLIT);
     scene.shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box, ..scene.shutter };
     scene
 }

@@ -40,8 +40,9 @@ fn busy_scene(size: u32) -> Scene {
     wall.transform.translate = DVec3::new(0.3, 0.0, -0.9);
     wall.transform.rotate = DVec3::new(0.3, -0.5, 0.1);
     wall.transform.scale = DVec3::new(1.2, -0.8, 1.0);
-    wall.two_sided = true;
-    wall.material = Some(Material { ambient: 0.5, diffuse: 0.8, specular: 0.4, shininess: 12.0 });
+    wall.shape.surface_mut().unwrap().two_sided = true;
+    wall.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.5, diffuse: 0.8, specular: 0.4, shininess: 12.0 });
     wall.motions = vec![Motion::Linear { velocity: DVec3::new(-0.3, 0.2, 0.1) }];
     let mut still = object(sphere(1000));
     still.transform.translate = DVec3::new(-0.9, 0.8, 0.4);
@@ -182,7 +183,7 @@ fn random_surfels(n: u32) -> Surfels {
 fn samples_match_brute_force() {
     const EPSILON: f64 = 0.05;
     let mut cloud = object(random_surfels(3000));
-    cloud.material = Some(UNLIT);
+    cloud.shape.surface_mut().unwrap().material = Some(UNLIT);
     cloud.epsilon = Some(EPSILON);
     cloud.transform.scale = DVec3::new(1.0, -1.3, 0.7);
     cloud.transform.rotate = DVec3::new(0.4, 0.2, -1.0);

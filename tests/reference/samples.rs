@@ -67,16 +67,17 @@ fn crowd() -> Scene {
     let mut still = object(cloud(500));
     still.motions = vec![Motion::Rotation { axis: DVec3::Y, per_frame: 1.0, centre: DVec3::ZERO }];
     still.blur = false;
-    still.two_sided = true;
+    still.shape.surface_mut().unwrap().two_sided = true;
     still.epsilon = Some(0.1);
-    still.material = Some(Material { ambient: 0.2, diffuse: 0.7, specular: 0.9, shininess: 6.0 });
+    still.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.2, diffuse: 0.7, specular: 0.9, shininess: 6.0 });
     let mut small = ideal(0.7, Vec3::new(0.2, 0.9, 0.4));
     small.transform.scale = DVec3::new(0.5, 1.0, 1.4);
     small.transform.rotate.y = 0.7;
     small.transform.translate = DVec3::new(0.4, 0.1, -0.6);
     small.motions = vec![Motion::Rotation { axis: DVec3::Y, per_frame: 2.0, centre: DVec3::ZERO }];
     let mut sky = ideal(2.6, Vec3::new(0.5, 0.6, 1.0));
-    sky.two_sided = true;
+    sky.shape.surface_mut().unwrap().two_sided = true;
     // Around the camera, from outside only: never seen.
     let hull = ideal(1.5, Vec3::ONE);
     let mut scene = scene(vec![first, still, small, sky, hull], SIZE, DVec3::ZERO, 70.0);
@@ -126,11 +127,11 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
             &[DVec3::X, DVec3::Y, DVec3::Z].map(|e| m.transform_vector3(e).to_array()).concat().try_into().unwrap(),
         );
         let of_normal = |n: DVec3| (linear.inverse().transpose() * n).normalize();
-        let two_sided = object.two_sided || options.look.two_sided;
+        let two_sided = object.shape.surface().unwrap().two_sided || options.look.two_sided;
         let scale = linear.determinant().abs().cbrt();
         let epsilon = options.look.epsilon.or(object.epsilon).unwrap_or(f64::from(object.shape.tolerance()) * scale);
         let numbers = |m: Material| [m.ambient, m.diffuse, m.specular, m.shininess].map(f64::from);
-        if let Shape::Sphere(Sphere { radius, colour }) = object.shape {
+        if let Shape::Sphere { sphere: Sphere { radius, colour }, .. } = object.shape {
             // |M^-1 (eye + s d - c)| = radius
             let (o, d) = (linear.inverse() * (eye - m.transform_point3(DVec3::ZERO)), linear.inverse() * direction);
             let (a, b, c) = (d.dot(d), o.dot(d), o.dot(o) - radius * radius);
@@ -138,7 +139,7 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
             for (depth, back) in [((-b - root) / a, false), ((-b + root) / a, true)] {
                 if depth >= scene.camera.near && (!back || two_sided) {
                     let normal = of_normal(o + d * depth) * if back { -1.0 } else { 1.0 };
-                    let material = numbers(object.material.unwrap_or_default());
+                    let material = numbers(object.shape.material().unwrap_or_default());
                     let (colour, centre) = (colour.as_dvec3(), eye + direction * depth - eye);
                     all.push(Hit { depth, epsilon, weight: 1.0, colour, normal, centre, material });
                 }
@@ -155,7 +156,7 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
             let front = system.determinant() * linear.determinant() < 0.0;
             if depth >= scene.camera.near && a * a + b * b <= 1.0 && (front || two_sided) {
                 let normal = of_normal(model.normal[i].as_dvec3()) * if front { 1.0 } else { -1.0 };
-                let material = object.material.or_else(|| model.material.get(i).copied()).unwrap_or_default();
+                let material = object.shape.material().or_else(|| model.material.get(i).copied()).unwrap_or_default();
                 all.push(Hit {
                     depth,
                     epsilon,
@@ -270,7 +271,7 @@ fn samples_are_apart() {
 #[test]
 fn the_even_scramblings_decide_after_whole_rounds() {
     let mut scene = sphere_scene(500, 12, true);
-    scene.objects[0].material = Some(UNLIT);
+    scene.objects[0].shape.surface_mut().unwrap().material = Some(UNLIT);
     let background =
         splatblur::film::Background { colour: scene.image.background, transparent: scene.image.transparent };
     let backdrop = splatblur::film::Backdrop::plain(background);

@@ -23,7 +23,7 @@ const SIZE: [u32; 2] = [12, 8];
 fn plane(depth: f64, colour: Vec3, opacity: f64) -> Object {
     let mut plane = object(round_surfels([(DVec3::ZERO, DVec3::Z, 100.0, colour)]));
     plane.transform.translate = DVec3::new(0.0, 0.0, -depth);
-    plane.material = Some(UNLIT);
+    plane.shape.surface_mut().unwrap().material = Some(UNLIT);
     plane.epsilon = Some(1e-3);
     plane.opacity = opacity;
     plane
@@ -143,7 +143,7 @@ fn a_layer_is_as_thick_as_epsilon() {
             round_surfels([(-z * DVec3::Z, DVec3::Z, radius, RED), (-behind * DVec3::Z, DVec3::Z, radius, BLUE)]);
         model.opacity = vec![0.25, 0.75];
         let mut both = object(model);
-        (both.material, both.epsilon, both.opacity) = (Some(UNLIT), Some(epsilon), 0.5);
+        (both.shape.surface_mut().unwrap().material, both.epsilon, both.opacity) = (Some(UNLIT), Some(epsilon), 0.5);
         // A second object whose tolerance is smaller sets the limit, although it begins farther away.
         for third in [false, true] {
             let mut objects = vec![both.clone()];
@@ -193,7 +193,8 @@ fn edge_on_layers_do_no_harm() {
     for tilt in [0.0, 1e-9, 1e-3] {
         let normal = DVec3::new(1.0, 0.0, tilt).normalize();
         let mut disc = object(round_surfels([(DVec3::ZERO, normal, 1.0, RED)]));
-        (disc.material, disc.opacity, disc.two_sided) = (Some(UNLIT), 0.5, true);
+        (disc.shape.surface_mut().unwrap().material, disc.opacity, disc.shape.surface_mut().unwrap().two_sided) =
+            (Some(UNLIT), 0.5, true);
         disc.transform.translate.z = -3.0;
         let mut scene = before_camera(vec![disc, wall.clone()]);
         // The rays of the middle column lie in the plane of the first disc.
@@ -223,7 +224,8 @@ fn edge_on_layers_do_no_harm() {
 fn backs_and_what_is_near_are_left_out() {
     for two_sided in [false, true] {
         let mut back = object(round_surfels([(-3.0 * DVec3::Z, DVec3::NEG_Z, 100.0, RED)]));
-        (back.material, back.opacity, back.two_sided) = (Some(UNLIT), 0.5, two_sided);
+        (back.shape.surface_mut().unwrap().material, back.opacity, back.shape.surface_mut().unwrap().two_sided) =
+            (Some(UNLIT), 0.5, two_sided);
         back.epsilon = Some(1e-3);
         let mut scene = before_camera(vec![plane(1.0, BLUE, 0.5), back, plane(4.0, GREEN, 0.25)]);
         scene.camera.near = 2.0;
@@ -335,7 +337,7 @@ fn busy_scene() -> Scene {
         model.opacity = (0..model.len()).map(|i| [0.2, 0.5, 0.9][i % 3]).collect();
         model.into()
     };
-    glass.two_sided = true;
+    glass.shape.surface_mut().unwrap().two_sided = true;
     glass.motions = vec![
         Motion::Rotation { axis: DVec3::Y, per_frame: 0.4, centre: DVec3::ZERO },
         // So fast that many pixels see nothing for most samples.

@@ -14,7 +14,7 @@ use splatblur::options::Look;
 use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::sampling::hash;
 use splatblur::scene::pose::{camera_from_world, object_pose};
-use splatblur::scene::{Light, Motion, Object, Scene};
+use splatblur::scene::{Light, Motion, Object, Scene, Shape};
 
 use crate::parts::assert_parts_and_threads_change_nothing;
 use crate::support::{UNLIT, object, round_surfels, scene, sphere};
@@ -52,7 +52,7 @@ fn volume(blobs: &[Blob]) -> Object {
 
 fn plane(depth: f64, colour: Vec3, opacity: f64) -> Object {
     let mut plane = object(round_surfels([(-depth * DVec3::Z, DVec3::Z, 100.0, colour)]));
-    (plane.material, plane.epsilon, plane.opacity) = (Some(UNLIT), Some(1e-4), opacity);
+    (plane.shape.surface_mut().unwrap().material, plane.epsilon, plane.opacity) = (Some(UNLIT), Some(1e-4), opacity);
     plane
 }
 
@@ -507,14 +507,13 @@ fn dense_kernels_are_resolved() {
 /// does. A material of the object counts.
 #[test]
 fn lights_shade_kernels() {
+    let lit = |gaussians: Gaussians, material| Shape::Volume { model: gaussians.into(), material: Some(material) };
     let material = Material { ambient: 0.5, diffuse: 0.75, specular: 0.0, shininess: 1.0 };
     let towards = DVec3::new(0.6, 0.0, 0.8);
     for (normal, cosine) in [(Vec3::Z, 0.8), (Vec3::NEG_Z, 0.8), (Vec3::ZERO, 0.0), (Vec3::X, 0.6), (Vec3::Y, 0.0)] {
         let mut gaussians = kernels(&[round(DVec3::new(-0.05, 0.0, -4.0), 0.5, 1.0, RED)]);
         gaussians.normal = vec![normal];
-        let mut object = Object::new(gaussians);
-        object.material = Some(material);
-        let mut scene = before_camera(vec![object]);
+        let mut scene = before_camera(vec![Object::new(lit(gaussians, material))]);
         scene.lights = vec![
             Light::Ambient { colour: DVec3::splat(0.5) },
             Light::Directional { direction: -towards, colour: DVec3::splat(2.0) },
@@ -529,9 +528,8 @@ fn lights_shade_kernels() {
     // A mirror shows no light from behind where there is no normal.
     let mut gaussians = kernels(&[round(-4.0 * DVec3::Z, 0.5, 1.0, RED)]);
     gaussians.normal = vec![Vec3::ZERO];
-    let mut object = Object::new(gaussians);
-    object.material = Some(Material { ambient: 0.5, diffuse: 0.5, specular: 1.0, shininess: 2.0 });
-    let mut scene = before_camera(vec![object]);
+    let mirror = Material { ambient: 0.5, diffuse: 0.5, specular: 1.0, shininess: 2.0 };
+    let mut scene = before_camera(vec![Object::new(lit(gaussians, mirror))]);
     scene.lights = vec![Light::Directional { direction: DVec3::Z, colour: DVec3::ONE }];
     assert!(samples(&scene).iter().all(|sample| seen(sample) == DVec3::ZERO));
 }
@@ -576,7 +574,7 @@ fn bytes_do_not_depend_on_parts_or_threads() {
         ball.transform.scale = DVec3::splat(0.4);
         ball.motions = vec![Motion::Linear { velocity: DVec3::new(0.5, 0.1, 0.0) }];
         let mut glass = object(sphere(1000));
-        (glass.opacity, glass.two_sided) = (0.3, true);
+        (glass.opacity, glass.shape.surface_mut().unwrap().two_sided) = (0.3, true);
         scene.objects.extend([ball, glass]);
         assert_parts_and_threads_change_nothing(&scene);
     }

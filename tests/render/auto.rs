@@ -110,7 +110,7 @@ fn light_above_white_is_stated() {
     scene.image.background = DVec3::splat(2.0);
     scene.lights = vec![Light::Ambient { colour: DVec3::ONE }];
     for object in &mut scene.objects {
-        (object.epsilon, object.material) = (Some(0.03), Some(UNLIT));
+        (object.epsilon, object.shape.surface_mut().unwrap().material) = (Some(0.03), Some(UNLIT));
         let mut surfels = Surfels::clone(object.shape.surfels().unwrap().surfels());
         surfels.colour.iter_mut().for_each(|colour| *colour = 1.0 + WHITE * *colour);
         object.shape = surfels.into();

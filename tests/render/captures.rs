@@ -222,7 +222,7 @@ fn card(colour: Vec3) -> Object {
         points.map(|(i, j)| (DVec3::new(f64::from(i) * 0.1, f64::from(j) * 0.1, 0.0), DVec3::NEG_Z, 0.1, colour)),
     );
     let mut card = object(surfels);
-    card.material = Some(UNLIT);
+    card.shape.surface_mut().unwrap().material = Some(UNLIT);
     card.epsilon = Some(0.01);
     card
 }

@@ -26,7 +26,8 @@ fn ball_on_a_floor() -> Scene {
     let floor = round_surfels((0..side * side).map(|i| (place(at(i)), DVec3::Y, step, GREY)));
     let objects = [ball, floor].map(|model| {
         let mut object = object(model.spatially_ordered());
-        object.material = Some(Material { ambient: 0.2, diffuse: 0.8, specular: 0.1, shininess: 30.0 });
+        object.shape.surface_mut().unwrap().material =
+            Some(Material { ambient: 0.2, diffuse: 0.8, specular: 0.1, shininess: 30.0 });
         object
     });
     let mut scene = scene(objects.into(), [SIZE[0] as u32, SIZE[1] as u32], DVec3::new(0.0, 0.2, 6.0), 30.0);

@@ -16,7 +16,7 @@ use splatblur::options::{
 };
 use splatblur::reference::{self, ReferenceError, ReferenceOptions};
 use splatblur::renderer::{Device, Renderer, render_frame};
-use splatblur::scene::{Motion, Object, Scene, Sphere};
+use splatblur::scene::{Motion, Object, Scene, Shape, Sphere};
 
 use crate::support::{object, scene, sphere};
 
@@ -96,7 +96,7 @@ fn before(objects: Vec<Object>, environment: Environment) -> Scene {
 
 fn mirror(environment: Environment) -> Scene {
     let mut ball = object(sphere(20_000).spatially_ordered());
-    (ball.material, ball.reflection) = (Some(BLACK), 1.0);
+    (ball.shape.surface_mut().unwrap().material, ball.shape.surface_mut().unwrap().reflection) = (Some(BLACK), 1.0);
     before(vec![ball], environment)
 }
 
@@ -157,7 +157,8 @@ fn a_ball_mirrors_its_surroundings() {
 #[test]
 fn the_reference_mirrors_too() {
     let mut scene = mirror(environment(cells(30.0), 512));
-    scene.objects[0].shape = Sphere { radius: 1.0, colour: Vec3::ONE }.into();
+    let surface = *scene.objects[0].shape.surface().unwrap();
+    scene.objects[0].shape = Shape::Sphere { sphere: Sphere { radius: 1.0, colour: Vec3::ONE }, surface };
     let want = exact_ball(16, cells(30.0));
     for shading in [Shading::Phong, Shading::Gouraud] {
         let options =
@@ -224,7 +225,7 @@ fn the_background_shows_beside_what_moves() {
     environment.background = true;
     let mut ball = object(sphere(5000).spatially_ordered());
     ball.motions = vec![Motion::Linear { velocity: DVec3::new(1.0, 0.4, 0.0) }];
-    ball.material = Some(BLACK);
+    ball.shape.surface_mut().unwrap().material = Some(BLACK);
     let scene = before(vec![ball], environment);
     let behind = exact(4, smooth);
     let target = Quality::Error(ErrorTarget::default());
@@ -265,7 +266,7 @@ fn the_reference_knows_what_is_behind_at_each_instant() {
     let mut environment = environment(|d| if d.x < 0.0 { DVec3::ONE } else { DVec3::ZERO }, 1024);
     environment.background = true;
     let mut ball = object(sphere(5000).spatially_ordered());
-    ball.material = Some(BLACK);
+    ball.shape.surface_mut().unwrap().material = Some(BLACK);
     ball.transform.translate = DVec3::new(0.0, 0.3, 0.0);
     let mut scene = before(vec![ball], environment);
     let per_frame = 40_f64.to_radians();

@@ -26,7 +26,7 @@ pub(crate) fn distance() -> f64 {
 /// An unlit object whose origin is seen at `at`, pixels from the middle, with `pixels` pixels a unit.
 pub(crate) fn seen(model: Surfels, at: [f64; 2], pixels: f64) -> Object {
     let mut object = object(model);
-    object.material = Some(UNLIT);
+    object.shape.surface_mut().unwrap().material = Some(UNLIT);
     object.transform.translate = DVec3::new(at[0], -at[1], 0.0);
     object.transform.scale = DVec3::splat(pixels);
     object

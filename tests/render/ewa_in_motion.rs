@@ -97,7 +97,7 @@ fn variants_have_the_area_too() {
     ] {
         for path in [0.0, 12.0] {
             let mut ball = moving(seen(sphere(20_000), [0.3, 0.1], radius), DVec3::new(0.8, 0.6, 0.0) * path);
-            ball.two_sided = two_sided;
+            ball.shape.surface_mut().unwrap().two_sided = two_sided;
             let mode = BlurMode::Volumetric { intervals: 3, pixel_samples: None, swept: kernel };
             let got = area(&rendered(&before_nothing(vec![ball]), mode, PixelFilter::Box));
             let off = (got / (share * PI)).sqrt() - 10.05;

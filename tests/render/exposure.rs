@@ -185,7 +185,7 @@ fn colours_count_by_when_they_are_seen() {
     let grid = (-10..=10).flat_map(|j| (-50..=50).map(move |i| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.02));
     let colour = |p: DVec3| if p.x < 0.5 { Vec3::X } else { Vec3::Y };
     let mut mover = object(round_surfels(grid.map(|p| (p, DVec3::Z, 0.04, colour(p)))));
-    mover.material = Some(UNLIT);
+    mover.shape.surface_mut().unwrap().material = Some(UNLIT);
     mover.motions = vec![Motion::Linear { velocity: DVec3::new(-1.0, 0.0, 0.0) }];
     let mut scene = scene(vec![mover], [33, 33], DVec3::new(0.0, 0.0, 4.0), 40.0);
     for (weight, definition) in weights() {
@@ -245,7 +245,7 @@ fn moving_camera() -> AnimationBinding {
 /// The sphere in its colours alone, so that lights, which stay where they are, do not tell who moves.
 fn unlit_sphere() -> Scene {
     let mut scene = sphere_scene(20_000, 96, false);
-    scene.objects[0].material = Some(UNLIT);
+    scene.objects[0].shape.surface_mut().unwrap().material = Some(UNLIT);
     scene.image.transparent = true;
     scene
 }
@@ -318,7 +318,7 @@ fn a_teleport_shows_both_places_and_nothing_between() {
     let patch = || {
         let grid = (-10..=10).flat_map(|j| (-10..=10).map(move |i| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.02));
         let mut patch = object(round_surfels(grid.map(|p| (p, DVec3::Z, 0.03, Vec3::ONE))));
-        patch.material = Some(UNLIT);
+        patch.shape.surface_mut().unwrap().material = Some(UNLIT);
         patch
     };
     let mut steps = patch();
@@ -357,7 +357,8 @@ fn a_teleport_shows_both_places_and_nothing_between() {
 fn a_bucket_is_shaded_at_its_middle() {
     let grid = (-45..=45).flat_map(|j| (-45..=45).map(move |i| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.05));
     let mut wall = object(round_surfels(grid.map(|p| (p, DVec3::Z, 0.1, Vec3::splat(0.2)))));
-    wall.material = Some(Material { ambient: 0.1, diffuse: 0.2, specular: 0.9, shininess: 40.0 });
+    wall.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.1, diffuse: 0.2, specular: 0.9, shininess: 40.0 });
     let mut still = scene(vec![wall], [48, 48], DVec3::new(0.0, 0.0, 4.0), 40.0);
     still.lights.push(Light::Directional { direction: DVec3::new(0.1, 0.0, -1.0).normalize(), colour: DVec3::ONE });
     let mut panned = still.clone();
@@ -438,7 +439,7 @@ fn coverage_does_not_depend_on_the_depth_test() {
 fn velocity_is_finite_where_a_centre_lies_on_the_camera_plane() {
     let floor = |z: f64| {
         let mut floor = object(round_surfels([(DVec3::new(0.0, -0.5, z), DVec3::Y, 3.0, Vec3::ONE)]));
-        floor.material = Some(UNLIT);
+        floor.shape.surface_mut().unwrap().material = Some(UNLIT);
         floor.motions = vec![Motion::Linear { velocity: DVec3::new(0.7, 0.0, 0.0) }];
         floor
     };

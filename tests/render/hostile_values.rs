@@ -97,11 +97,12 @@ const REFUSED: &[(&str, Change)] = &[
         s.objects[0].motions.push(Motion::Rotation { axis: DVec3::ZERO, per_frame: 1.0, centre: DVec3::ZERO });
     }),
     ("objects[0].shape.points.at", |s, _| s.objects[0].shape.points_mut().unwrap().at = Some(f64::NAN)),
-    ("objects[0].material.shininess", |s, _| {
-        s.objects[0].material = Some(Material { shininess: f32::NAN, ..Material::default() });
+    ("objects[0].shape.surface.material.shininess", |s, _| {
+        s.objects[0].shape.surface_mut().unwrap().material =
+            Some(Material { shininess: f32::NAN, ..Material::default() });
     }),
     ("objects[0].opacity", |s, _| s.objects[0].opacity = f64::NAN),
-    ("objects[0].reflection", |s, _| s.objects[0].reflection = 2.0),
+    ("objects[0].shape.surface.reflection", |s, _| s.objects[0].shape.surface_mut().unwrap().reflection = 2.0),
     ("objects[0].epsilon", |s, _| s.objects[0].epsilon = Some(f64::NAN)),
     ("objects[0].shape.sphere.radius", |s, _| s.objects[0].shape = Sphere { radius: 0.0, colour: Vec3::ONE }.into()),
     ("objects[0].shape.capture.harmonics", |s, _| {
@@ -109,7 +110,7 @@ const REFUSED: &[(&str, Change)] = &[
         s.objects[0].shape = Shape::Gaussians { model: Gaussians::default().into(), capture };
     }),
     ("objects[0].shape.model.optics", |s, _| {
-        s.objects[0].shape = Shape::Volume(Gaussians::default().into());
+        s.objects[0].shape = Shape::Volume { model: Gaussians::default().into(), material: None };
     }),
     ("objects[0].shape.model.optics", |s, _| {
         let gaussians = Gaussians { optics: Optics::Extinction { layer: 1.0 }, ..Gaussians::default() };
@@ -396,10 +397,10 @@ impl Seeded {
             }
             28 => {
                 let [ambient, diffuse, specular, shininess] = [0; 4].map(|_| self.number() as f32);
-                object.material = Some(Material { ambient, diffuse, specular, shininess });
+                object.shape.surface_mut().unwrap().material = Some(Material { ambient, diffuse, specular, shininess });
             }
             29 => object.opacity = self.number(),
-            30 => object.reflection = self.number(),
+            30 => object.shape.surface_mut().unwrap().reflection = self.number(),
             31 => object.epsilon = Some(self.number()),
             32 => object.shape.points_mut().unwrap().at = Some(self.number()),
             33 => options.quality = self.quality(),

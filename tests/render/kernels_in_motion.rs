@@ -206,7 +206,7 @@ fn passing(half: f64, spacing: f64, travel: f64) -> Scene {
     let n = (half / spacing) as i32;
     let grid = (-n..=n).flat_map(|j| (-n..=n).map(move |i| DVec3::new(f64::from(i), f64::from(j), 0.0) * spacing));
     let mut patch = object(round_surfels(grid.map(|p| (p, DVec3::Z, 1.5 * spacing, Vec3::ONE))));
-    patch.material = Some(UNLIT);
+    patch.shape.surface_mut().unwrap().material = Some(UNLIT);
     patch.motions = vec![Motion::Linear { velocity: DVec3::new(travel, 0.0, 0.0) }];
     let mut scene = scene(vec![patch], [65, 65], DVec3::new(0.0, 0.0, 4.0), 40.0);
     (scene.shutter.open, scene.shutter.close) = (-0.5, 0.5);
@@ -295,7 +295,7 @@ fn dense_and_sparse_count_by_time() {
         let grid = (-n..=n).flat_map(|j| (0..n).map(move |i| (f64::from(i) + 0.5, f64::from(j))));
         let places = grid.map(|(i, j)| DVec3::new(from + i * spacing, j * spacing, 0.0));
         let mut patch = object(round_surfels(places.map(|p| (p, DVec3::Z, radius, colour))));
-        patch.material = Some(UNLIT);
+        patch.shape.surface_mut().unwrap().material = Some(UNLIT);
         patch.motions = vec![Motion::Linear { velocity: DVec3::new(3.0, 0.0, 0.0) }];
         patch
     };
@@ -400,7 +400,7 @@ fn random_sphere(n: usize, seed: u64, cover: f64) -> Scene {
         (p, p, 2.0 * (cover / n as f64).sqrt(), Vec3::ONE)
     });
     let mut sphere = object(round_surfels(surfels));
-    sphere.material = Some(UNLIT);
+    sphere.shape.surface_mut().unwrap().material = Some(UNLIT);
     sphere.motions = vec![Motion::Linear { velocity: DVec3::new(1.5, 0.6, 0.0) }];
     sphere.transform.translate = DVec3::new(-0.75, -0.3, 0.0);
     scene(vec![sphere], [64, 64], DVec3::new(0.0, 0.0, 6.0), 40.0)

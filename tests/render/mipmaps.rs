@@ -132,7 +132,7 @@ impl Board {
             surfels.mipmap = places.iter().map(of_place).collect();
         }
         let mut board = object(surfels);
-        board.material = Some(UNLIT);
+        board.shape.surface_mut().unwrap().material = Some(UNLIT);
         board
     }
 

@@ -173,10 +173,10 @@ fn alpha_of_buckets_meets_the_closed_forms() {
 #[test]
 fn one_bucket_hides_what_the_mover_passes() {
     let mut front = object(patch(0.5, 0.02, Vec3::new(1.0, 0.0, 0.0)));
-    front.material = Some(UNLIT);
+    front.shape.surface_mut().unwrap().material = Some(UNLIT);
     front.motions = vec![Motion::Linear { velocity: DVec3::new(2.0, 0.0, 0.0) }];
     let mut back = object(patch(3.0, 0.05, Vec3::new(0.0, 1.0, 0.0)));
-    back.material = Some(UNLIT);
+    back.shape.surface_mut().unwrap().material = Some(UNLIT);
     back.transform.translate = DVec3::new(0.0, 0.0, -1.0);
     let mut scene = scene(vec![front, back], [64, 64], DVec3::new(0.0, 0.0, 4.0), 40.0);
     (scene.shutter.open, scene.shutter.close, scene.shutter.weight) = (-0.5, 0.5, Weight::Box);
@@ -203,7 +203,7 @@ fn samples_of_a_bucket_count_by_their_weights() {
         *colour = if position.x < 0.5 { Vec3::X } else { Vec3::Y };
     }
     let mut mover = object(surfels);
-    mover.material = Some(UNLIT);
+    mover.shape.surface_mut().unwrap().material = Some(UNLIT);
     mover.motions = vec![Motion::Linear { velocity: DVec3::new(-1.0, 0.0, 0.0) }];
     let mut scene = scene(vec![mover], [33, 33], DVec3::new(0.0, 0.0, 4.0), 40.0);
     scene.shutter.weight = Weight::Ramp { centre: 1.0 };

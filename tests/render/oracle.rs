@@ -137,7 +137,7 @@ fn compare(seed: u64, prefilter: Prefilter, two_sided: bool, offset: [f32; 2]) -
     let eye = DVec3::new(0.4, -0.3, 2.0);
     let surfels = random_surfels(&mut Pcg32::seed_from_u64(seed), eye);
     let mut cloud = object(surfels.clone());
-    cloud.material = Some(UNLIT);
+    cloud.shape.surface_mut().unwrap().material = Some(UNLIT);
     cloud.epsilon = Some(EPSILON);
     let mut scene = scene(vec![cloud], SIZE, eye, FOVY);
     scene.camera.near = NEAR;

@@ -48,7 +48,7 @@ fn patch(half: f64, spacing: f64, colour: Vec3) -> Surfels {
 
 fn unlit(model: Surfels) -> Object {
     let mut object = object(model);
-    object.material = Some(UNLIT);
+    object.shape.surface_mut().unwrap().material = Some(UNLIT);
     object
 }
 
@@ -72,7 +72,8 @@ fn busy_scene() -> Scene {
     let mut wall = object(patch(2.0, 0.02, Vec3::new(0.2, 0.5, 0.3)));
     wall.transform.translate = DVec3::new(0.3, 0.0, -0.9);
     wall.transform.rotate = DVec3::new(0.3, -0.5, 0.1);
-    wall.material = Some(Material { ambient: 0.5, diffuse: 0.8, specular: 0.4, shininess: 12.0 });
+    wall.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.5, diffuse: 0.8, specular: 0.4, shininess: 12.0 });
     wall.motions = vec![Motion::Linear { velocity: DVec3::new(-0.3, 0.2, 0.1) }];
     scene.objects.push(wall);
     scene.lights.push(Light::Point { position: DVec3::new(1.0, 1.5, 2.0), colour: DVec3::new(2.0, 1.5, 1.0) });
@@ -175,7 +176,8 @@ fn near_hides_far_and_epsilon_blends() {
 fn back_faces_are_culled_unless_two_sided() {
     let mut lit = object(patch(1.0, 0.05, Vec3::ONE));
     lit.transform.rotate.y = std::f64::consts::PI;
-    lit.material = Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
+    lit.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     let mut scene = scene(vec![lit], [9, 9], DVec3::new(0.0, 0.0, 4.0), 20.0);
     scene.lights = vec![Light::Directional { direction: -DVec3::Z, colour: DVec3::ONE }];
     assert_eq!(pixel(&render(&scene, &still()), 4, 4)[0], 0.0);
@@ -193,7 +195,8 @@ fn back_faces_are_culled_unless_two_sided() {
 fn mirrored_objects_show_the_same_side() {
     let mut mirrored = object(patch(1.0, 0.05, Vec3::ONE));
     mirrored.place.scale = DVec3::new(-1.0, 1.0, 1.0);
-    mirrored.material = Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
+    mirrored.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     let mut scene = scene(vec![mirrored], [9, 9], DVec3::new(0.0, 0.0, 4.0), 20.0);
     scene.lights = vec![Light::Directional { direction: -DVec3::Z, colour: DVec3::ONE }];
     assert!((pixel(&render(&scene, &still()), 4, 4)[0] - 1.0).abs() < 1e-5);
@@ -203,7 +206,8 @@ fn mirrored_objects_show_the_same_side() {
 fn light_comes_from_where_the_scene_says() {
     let mut scene = sphere_scene(40_000, 128, false);
     scene.lights = vec![Light::Directional { direction: DVec3::new(-1.0, -1.0, -1.0).normalize(), colour: DVec3::ONE }];
-    scene.objects[0].material = Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
+    scene.objects[0].shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     for shading in [Shading::Phong, Shading::Gouraud] {
         let picture = render(&scene, &RenderOptions { look: Look { shading, ..still().look }, ..still() });
         let light = |x, y| pixel(&picture, x, y)[0];
@@ -216,7 +220,8 @@ fn light_comes_from_where_the_scene_says() {
 fn phong_and_gouraud_agree_on_flat_surfaces() {
     let mut flat = object(patch(1.0, 0.02, Vec3::new(0.3, 0.6, 0.9)));
     flat.transform.rotate = DVec3::new(0.4, 0.2, 0.0);
-    flat.material = Some(Material { ambient: 0.7, diffuse: 0.9, specular: 0.3, shininess: 8.0 });
+    flat.shape.surface_mut().unwrap().material =
+        Some(Material { ambient: 0.7, diffuse: 0.9, specular: 0.3, shininess: 8.0 });
     let mut scene = scene(vec![flat], [32, 32], DVec3::new(0.0, 0.0, 4.0), 20.0);
     scene.lights = default_lights();
     scene.lights.push(Light::Point { position: DVec3::new(0.5, 0.5, 1.5), colour: DVec3::splat(1.5) });

@@ -59,7 +59,7 @@ fn moving_edge(readout: Readout) -> Scene {
     };
     let plate = round_surfels(points.map(|p| (turned(p), DVec3::Z, 3.0 * spacing, Vec3::ONE)));
     let mut plate = object(plate);
-    plate.material = Some(UNLIT);
+    plate.shape.surface_mut().unwrap().material = Some(UNLIT);
     let velocity = SPEED / 20.0;
     let velocity = if across == 0 { DVec3::X } else { DVec3::NEG_Y } * velocity;
     plate.motions = vec![Motion::Linear { velocity }];
@@ -184,7 +184,7 @@ fn lively(seed: u64, rolling: Readout) -> Scene {
         model.acceleration = vec![Vec3::new(0.0, -0.8, 0.0); model.len()];
         model.velocity_unit = VelocityUnit::Frame;
         scene.objects[0] = object(model);
-        scene.objects[0].two_sided = true;
+        scene.objects[0].shape.surface_mut().unwrap().two_sided = true;
     }
     if seed == 3 {
         scene.objects[0].motions.truncate(1);

@@ -24,7 +24,7 @@ fn plane(z: f64, opacity: f64, colour: Vec3) -> Object {
     let surfels: Surfels =
         round_surfels(places.map(|(i, j)| (DVec3::new(0.05 * i, 0.05 * j, z), DVec3::Z, 0.05, colour)));
     let mut plane = object(surfels);
-    plane.material = Some(UNLIT);
+    plane.shape.surface_mut().unwrap().material = Some(UNLIT);
     plane.epsilon = Some(0.01);
     plane.opacity = opacity;
     plane
@@ -211,7 +211,7 @@ fn a_layer_seen_edge_on_does_no_harm() {
     for tilt in [1.570_6, std::f64::consts::FRAC_PI_2] {
         let mut edge = plane(0.0, 0.5, RED);
         edge.transform.rotate.x = tilt;
-        edge.two_sided = true;
+        edge.shape.surface_mut().unwrap().two_sided = true;
         let picture =
             render(&view(vec![edge, plane(-1.9, 0.5, BLUE)]), &with(BlurMode::supersample(4), Prefilter::Ewa));
         assert!(picture.rgba.iter().flatten().all(|v| v.is_finite() && (0.0..=1.0).contains(v)));
@@ -258,7 +258,7 @@ fn bits(picture: &Picture) -> Vec<u32> {
 #[test]
 fn memory_and_threads_change_no_byte() {
     let mut ball = crate::support::object(crate::support::sphere(60_000));
-    ball.two_sided = true;
+    ball.shape.surface_mut().unwrap().two_sided = true;
     ball.opacity = 0.4;
     ball.motions = vec![Motion::Linear { velocity: DVec3::new(0.5, 0.2, 0.3) }];
     let mut scene = view(vec![ball, veil(0.2, RED), plane(-1.5, 0.7, BLUE), plane(-0.3, 1.0, RED)]);
@@ -295,7 +295,7 @@ fn balls_of_glass_are_those_of_the_reference() {
         let mut ball = object(crate::support::sphere(4000));
         ball.transform.scale = DVec3::splat(radius);
         ball.transform.translate.z = z;
-        ball.two_sided = true;
+        ball.shape.surface_mut().unwrap().two_sided = true;
         ball.opacity = opacity;
         ball.motions = vec![Motion::Linear { velocity }];
         ball

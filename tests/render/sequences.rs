@@ -259,7 +259,7 @@ fn the_reference_shows_the_same_sequence() {
         *file = shuffled(&picked(file, &order), 3);
     }
     let (_dir, mut scene) = scene_of(&files, "");
-    scene.objects[0].two_sided = true;
+    scene.objects[0].shape.surface_mut().unwrap().two_sided = true;
     let traced = ReferenceOptions {
         samples: 512,
         look: Look { filter: PixelFilter::Box, ..Look::default() },

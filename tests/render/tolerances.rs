@@ -28,7 +28,7 @@ fn discs(epsilon: f64, discs: &[(f64, Vec3)]) -> Object {
 
 fn with_tolerance(epsilon: f64, points: Vec<(DVec3, DVec3, f64, Vec3)>) -> Object {
     let mut object = object(round_surfels(points));
-    (object.material, object.epsilon) = (Some(UNLIT), Some(epsilon));
+    (object.shape.surface_mut().unwrap().material, object.epsilon) = (Some(UNLIT), Some(epsilon));
     object
 }
 
@@ -221,7 +221,8 @@ fn strands_hide_what_is_just_behind_them() {
     };
     let discs = strand(60, true, 0.5, 0.05 * GREEN).chain(strand(60, false, 0.525, GREEN));
     let mut strands = object(round_surfels(discs).spatially_ordered());
-    (strands.material, strands.two_sided) = (Some(UNLIT), true);
+    (strands.shape.surface_mut().unwrap().material, strands.shape.surface_mut().unwrap().two_sided) =
+        (Some(UNLIT), true);
     let scene = before_nothing(vec![strands]);
     let traced = |epsilon: Option<f64>| {
         let look = Look { epsilon, ..Look::default() };
@@ -257,7 +258,7 @@ fn a_coarse_ball_in_a_coarse_bowl_does_not_flicker() {
     let bowl = |tolerance: Option<f64>| {
         let disc = |n: DVec3| (1.5 * n + 0.5 * DVec3::Y, -n, 6.0 / (BOWL as f64).sqrt(), GREEN);
         let mut bowl = coarse(fibonacci(BOWL).filter(|n| n.y < -0.2).map(disc).collect(), tolerance);
-        bowl.two_sided = true;
+        bowl.shape.surface_mut().unwrap().two_sided = true;
         bowl
     };
     let flicker = |eye: DVec3, tolerance: Option<f64>| {
@@ -290,6 +291,6 @@ fn fibonacci(n: usize) -> impl Iterator<Item = DVec3> {
 
 fn coarse(discs: Vec<(DVec3, DVec3, f64, Vec3)>, tolerance: Option<f64>) -> Object {
     let mut object = object(round_surfels(discs).spatially_ordered());
-    (object.material, object.epsilon) = (Some(UNLIT), tolerance);
+    (object.shape.surface_mut().unwrap().material, object.epsilon) = (Some(UNLIT), tolerance);
     object
 }

@@ -128,7 +128,7 @@ fn accelerating_plate() -> (Scene, [f64; 3], f64) {
     plate.acceleration = vec![Vec3::new(2.4, 0.0, 0.0); plate.len()];
     plate.velocity_unit = VelocityUnit::Frame;
     let mut plate = object(plate);
-    plate.material = Some(UNLIT);
+    plate.shape.surface_mut().unwrap().material = Some(UNLIT);
     // 20 pixels to a unit: focal length 100, distance 5.
     let fovy = (2.0 * (0.5 * f64::from(ROWS) / 100.0).atan()).to_degrees();
     let mut scene = scene(vec![plate], [100, ROWS], DVec3::new(0.0, 0.0, 5.0), fovy);
@@ -212,7 +212,7 @@ fn burst(seed: u64) -> Scene {
         model.acceleration[i] = (DVec3::NEG_Y * random.within(0.1, 0.4)).as_vec3();
     }
     scene.objects[0] = object(model);
-    scene.objects[0].two_sided = true;
+    scene.objects[0].shape.surface_mut().unwrap().two_sided = true;
     scene
 }
 

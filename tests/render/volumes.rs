@@ -288,8 +288,8 @@ fn flattened_kernels_are_surface_splats() {
         places.iter().map(|&p| (p.as_dvec3(), DVec3::Z, 2.0 * f64::from(sigma) / CUT, colour(p))),
     );
     let mut card = crate::support::object(surfels);
-    card.material = Some(crate::support::UNLIT);
-    card.two_sided = true;
+    card.shape.surface_mut().unwrap().material = Some(crate::support::UNLIT);
+    card.shape.surface_mut().unwrap().two_sided = true;
     let options = RenderOptions {
         prefilter: Prefilter::Ewa,
         look: Look { filter: PixelFilter::Box, ..unfiltered().look },
@@ -336,7 +336,7 @@ fn mixed(size: [u32; 2]) -> Scene {
     solid.motions = vec![Motion::Linear { velocity: DVec3::new(0.5, 0.1, 0.2) }];
     let mut glass = crate::support::object(crate::support::sphere(3000));
     glass.transform.scale = DVec3::splat(0.5);
-    glass.two_sided = true;
+    glass.shape.surface_mut().unwrap().two_sided = true;
     glass.opacity = 0.4;
     let view = VolumeCamera { eye: DVec3::new(0.5, 1.5, 4.0), at: DVec3::ZERO, fovy: FOVY, size };
     seen(vec![smoke, resting, Object::new(capture), solid, glass], &view)

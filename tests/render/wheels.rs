@@ -29,7 +29,7 @@ fn wheel() -> Object {
         (DVec3::new(x, y, 0.0), DVec3::Z, 1.6 * step, colour)
     }));
     let mut wheel = object(surfels.spatially_ordered());
-    wheel.material = Some(UNLIT);
+    wheel.shape.surface_mut().unwrap().material = Some(UNLIT);
     wheel
 }
 

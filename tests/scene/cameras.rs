@@ -77,7 +77,10 @@ fn room() -> String {
 fn a_camera_within_a_closed_cloud_sees_both_sides() {
     let shown = |camera: &str, object: &str| {
         let LoadedScene { scene, notes, .. } = loaded(&room(), camera, object);
-        (scene.objects[0].two_sided, notes.iter().any(|note| note.contains("the camera stands within its box")))
+        (
+            scene.objects[0].shape.surface().unwrap().two_sided,
+            notes.iter().any(|note| note.contains("the camera stands within its box")),
+        )
     };
     let inside = "<camera eye='0 0 1' at='0 0 0'/>";
     let outside = "<camera eye='0 0 8' at='0 0 0'/>";

@@ -85,6 +85,29 @@ fn a_scene_says_how_a_capture_is_drawn() {
     assert!(refused.contains("`cropMax`") && refused.contains("at least `cropMin`"), "{refused}");
 }
 
+/// A capture has colours as they were seen, and no sides.
+#[test]
+fn what_means_nothing_for_a_capture_is_noted() {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models/guitar_3dgs.ply");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scene.xml");
+    let notes = |attributes: &str, inside: &str| {
+        let object = format!("<object {attributes}><pointModel>{}</pointModel>{inside}</object>", model.display());
+        fs::write(&path, format!("<scene>{object}</scene>")).unwrap();
+        scene_file::load(&path, &scene_file::SceneLoadOptions::default()).unwrap().notes
+    };
+    let silent = notes("twoSided='false'", "");
+    assert!(!silent.iter().any(|note| note.ends_with(" nothing here")), "{silent:?}");
+    for (attributes, inside, part) in [
+        ("", "<material ambient='0.5'/>", "`shininess` of <material> are for what lights shade"),
+        ("", "<material reflection='0.5'/>", "`opacity` and `reflection` of <material> are for surfels"),
+        ("twoSided='true'", "", "`twoSided` is for surfels"),
+    ] {
+        let notes = notes(attributes, inside);
+        assert!(notes.iter().any(|note| note.contains(part) && note.ends_with(" nothing here")), "{part}: {notes:?}");
+    }
+}
+
 #[test]
 fn foreign_captures_are_refused_by_name() {
     let directory = tempfile::tempdir().unwrap();

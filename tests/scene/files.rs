@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use splatblur::anim::Interpolation;
 use splatblur::film::Picture;
 use splatblur::model::VelocityUnit;
-use splatblur::scene::{Light, Motion, Object, PointMotion, Scene, Shape};
+use splatblur::scene::{Light, Motion, Object, PointMotion, Scene, Shape, Surface};
 use splatblur::scene_file::{LoadedScene, SceneError, SceneLoadOptions, load, to_xml, validate};
 use splatblur::time::Weight;
 
@@ -84,6 +84,10 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
 }
 
 /// The unit and the frame of points that move by themselves are kept, and said to mean nothing for others.
+fn surface(object: &Object) -> &Surface {
+    object.shape.surface().expect("a surface")
+}
+
 /// How the surfels of an object move by themselves.
 fn shown_points(object: &Object) -> PointMotion {
     let Shape::Surfels { points, .. } = object.shape else { panic!("no surfels") };
@@ -150,7 +154,7 @@ fn environments_are_checked() {
     let wanted = "`reflection` of <material> mirrors the <environment>, and means nothing without";
     assert!(notes.iter().any(|note| note == wanted), "{notes:?}");
     let with = loaded(scene("<environment>e.png</environment>", "<material reflection='0.5'/>"));
-    assert!(with.scene.objects[0].material.is_none() && with.scene.objects[0].reflection == 0.5);
+    assert!(*surface(&with.scene.objects[0]) == Surface { reflection: 0.5, ..Surface::default() });
     assert!(!with.notes.iter().any(|note| note.contains("reflection")), "{:?}", with.notes);
 }
 
@@ -213,9 +217,7 @@ fn defaults_are_those_of_the_document() {
     assert!((d - direction).length() < 1e-15 && colour == DVec3::splat(0.9));
     assert_eq!(s.lights[1..], [Light::Ambient { colour: DVec3::splat(0.3) }]);
     let o = &s.objects[0];
-    assert!(
-        o.blur && !o.two_sided && o.epsilon.is_none() && o.material.is_none() && o.source.options.radius_scale == 1.0
-    );
+    assert!(o.blur && *surface(o) == Surface::default() && o.epsilon.is_none() && o.source.options.radius_scale == 1.0);
     assert_eq!(notes.iter().filter(|n| n.contains("<camera eye=")).count(), 1, "{notes:?}");
     // Motion by formula: a second of film.
     let s = loaded(scene("", "<motion type='linear' velocity='1 0 0'/>")).scene;
@@ -245,7 +247,10 @@ fn every_value_arrives() {
     assert!(chain.contains("fps: 12.5") && chain.contains("looped: true"), "{chain}");
     let o = &s.objects[0];
     assert_eq!(o.name, "a <b> & \"c\" é");
-    assert_eq!((o.blur, o.two_sided, o.epsilon, o.source.options.radius_scale), (false, true, Some(0.0125), 2.25));
+    assert_eq!(
+        (o.blur, surface(o).two_sided, o.epsilon, o.source.options.radius_scale),
+        (false, true, Some(0.0125), 2.25)
+    );
     assert_eq!(o.transform.scale, DVec3::splat(1.7));
     assert_eq!(o.transform.rotate.y, -std::f64::consts::FRAC_PI_2);
     assert_eq!(o.motions[1], Motion::Linear { velocity: DVec3::new(0.0, 0.0, 0.1) });
@@ -255,7 +260,7 @@ fn every_value_arrives() {
     assert_eq!(o.place.scale, DVec3::new(-1.0, 2.0, 0.3));
     let e = s.environment.as_ref().unwrap();
     assert_eq!((e.map().width(), e.map().height(), e.intensity, e.background), (8, 4, 1.5, true));
-    assert!((e.rotation.to_degrees() + 33.3).abs() < 1e-12 && o.reflection == 0.3);
+    assert!((e.rotation.to_degrees() + 33.3).abs() < 1e-12 && surface(o).reflection == 0.3);
     // PNG holds coded values.
     assert!((e.map().pixels()[1][0] - 0.002_428).abs() < 1e-5, "{:?}", e.map().pixels()[1]);
     let volume = &o.source.options.volume;
@@ -264,7 +269,7 @@ fn every_value_arrives() {
     assert_eq!(stops.len(), 2);
     assert_eq!((stops[0].value, stops[0].colour, stops[0].opacity), (-1e-3, glam::Vec3::ONE, 0.0));
     assert_eq!(stops[1].colour, glam::Vec3::new(1.0, 0.3, 0.007));
-    let m = o.material.unwrap();
+    let m = surface(o).material.unwrap();
     assert_eq!((m.ambient, m.diffuse, m.specular, m.shininess), (0.2, 0.6, 0.4, 20.5));
 }
 
@@ -295,11 +300,14 @@ fn models_named_alike_are_loaded_once() {
 fn opacities_of_materials() {
     let object = |inside: &str| loaded(scene("", inside)).scene.objects[0].clone();
     let opaque = object("<material/>");
-    assert!(opaque.material.is_some() && opaque.opacity == 1.0 && !opaque.is_see_through());
+    assert!(opaque.shape.material().is_some() && opaque.opacity == 1.0 && !opaque.is_see_through());
     let thin = object("<material opacity='0.5'/>");
-    assert!(thin.material.is_none() && thin.opacity == 0.5 && thin.is_see_through());
+    assert!(thin.shape.material().is_none() && thin.opacity == 0.5 && thin.is_see_through());
     let both = object("<material opacity='0.5' diffuse='0.25'/>");
-    assert_eq!((both.material.unwrap().diffuse, both.material.unwrap().ambient, both.opacity), (0.25, 1.0, 0.5));
+    assert_eq!(
+        (both.shape.material().unwrap().diffuse, both.shape.material().unwrap().ambient, both.opacity),
+        (0.25, 1.0, 0.5)
+    );
     // As good as opaque.
     assert!(!object("<material opacity='0.999'/>").is_see_through());
     for inside in ["<material opacity='0.5'/>", "<material opacity='0' specular='0'/>", "<material/>"] {
@@ -932,12 +940,12 @@ fn an_ideal_sphere_takes_the_place_of_a_model() {
         "<scene><object><sphere radius='2.5' colour='0.1 0.2 0.3'/><transform translate='1 2 3'/></object></scene>";
     let LoadedScene { scene, .. } = loaded(text);
     let object = &scene.objects[0];
-    let Shape::Sphere(sphere) = object.shape else { panic!("no sphere") };
+    let Shape::Sphere { sphere, .. } = object.shape else { panic!("no sphere") };
     assert_eq!((sphere.radius, sphere.colour.to_array()), (2.5, [0.1, 0.2, 0.3]));
     assert_eq!(object.shape.elements(), 0);
     assert_eq!(object.shape.bounds().size(), DVec3::splat(5.0));
     let again = loaded(to_xml(&scene, Path::new(""))).scene;
-    let Shape::Sphere(same) = again.objects[0].shape else { panic!("no sphere") };
+    let Shape::Sphere { sphere: same, .. } = again.objects[0].shape else { panic!("no sphere") };
     assert_eq!(same, sphere);
     assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));
     let mut cpu = splatblur::backend::cpu::Cpu::default();

@@ -226,7 +226,7 @@ fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     let mut scene = scene_file::load_model(&mesh, &size).unwrap().scene;
     assert!(scene.camera.automatic);
     (scene.image.width, scene.image.height) = (160, 120);
-    scene.objects[0].material = Some(support::UNLIT);
+    scene.objects[0].shape.surface_mut().unwrap().material = Some(support::UNLIT);
     scene.lights = vec![Light::Ambient { colour: DVec3::ONE }];
     // Nothing, left, right, bottom, top, back, front.
     let counts = pixels_by_colour(&scene);

@@ -72,7 +72,7 @@ fn a_grid_is_a_model() {
     assert!(note.contains("no transfer function") && note.contains("from 0 at 0 to 2.5 at 23"), "{note}");
 
     let object = Object::load(dir.path("grid.nrrd")).unwrap();
-    assert!(matches!(object.shape, Shape::Volume(_)) && !object.is_see_through());
+    assert!(matches!(object.shape, Shape::Volume { .. }) && !object.is_see_through());
     // All of it counts, and +y is up.
     assert_eq!(object.shape.core(), object.shape.bounds());
     assert_eq!(object.shape.bounds().max, DVec3::new(1.5, 2.0, 2.0));
@@ -230,6 +230,6 @@ fn points_with_densities_and_radii_are_a_volume() {
 fn defaults_of_captures_are_kept_out_of_volumes() {
     let dir = Dir::new();
     let object = dir.object("", "").unwrap().scene.objects[0].clone();
-    let Shape::Volume(model) = &object.shape else { panic!("no volume") };
-    assert_eq!((model.crop, object.opacity, object.material), (None, 1.0, None));
+    let Shape::Volume { model, .. } = &object.shape else { panic!("no volume") };
+    assert_eq!((model.crop, object.opacity, object.shape.material()), (None, 1.0, None));
 }

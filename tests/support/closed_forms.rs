@@ -43,7 +43,7 @@ pub fn moving(model: Surfels, at: DVec3, motion: Motion) -> Scene {
     let mut object = object(model);
     object.transform.translate = at;
     object.motions = vec![motion];
-    object.material = Some(UNLIT);
+    object.shape.surface_mut().expect("a surface").material = Some(UNLIT);
     scene(vec![object], [SIZE as u32; 2], DVec3::ZERO, 40.0)
 }
 

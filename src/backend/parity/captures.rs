@@ -59,7 +59,7 @@ fn glass(n: usize, seed: u64, materials: bool) -> Object {
     let mut surfels = ball(n, seed, materials);
     surfels.opacity = (0..n).map(|_| 0.2 + 0.7 * random.next()).collect();
     let mut glass = object(surfels, DVec3::new(0.1, -0.1, -0.3));
-    (glass.two_sided, glass.opacity) = (true, 0.9);
+    (glass.shape.surface_mut().unwrap().two_sided, glass.opacity) = (true, 0.9);
     glass
 }
 
@@ -74,7 +74,7 @@ fn with_glass(scene: &Scene) -> Scene {
     let mut aside = glass(300, 22, false);
     aside.transform.scale = DVec3::new(0.5, 0.4, -0.5);
     aside.transform.translate = DVec3::new(-0.6, 0.3, 0.4);
-    around.reflection = 0.5;
+    around.shape.surface_mut().unwrap().reflection = 0.5;
     scene.environment = Some(surroundings());
     scene.objects.insert(1, around);
     scene.objects.push(aside);
@@ -178,7 +178,7 @@ pub(super) fn captures() -> Vec<Case> {
     (lit.objects[1], lit.objects[2]) = (fog(13, true).objects.swap_remove(1), moving(volume(200, 14, 0.2, false)));
     // A light from behind, which what has no normal must not reflect.
     lit.lights.push(Light::Directional { direction: DVec3::Z, colour: DVec3::splat(0.8) });
-    lit.objects[1].material = Some(Material { specular: 0.6, shininess: 2.0, ..Material::default() });
+    lit.objects[1].shape.set_material(Material { specular: 0.6, shininess: 2.0, ..Material::default() });
     let linear_lit = mixed(volume(300, 13, 0.1, true), volume(300, 14, 0.2, true), [70, 45]);
     let mut dense = foggy.clone();
     dense.objects[1].opacity = 1e16;

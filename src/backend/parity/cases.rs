@@ -142,9 +142,9 @@ fn two_balls(size: [u32; 2]) -> Scene {
     ];
     let mut second = object(ball(300, 2, false), DVec3::new(0.5, 0.2, -0.6));
     second.transform.scale = DVec3::new(-0.5, 0.7, 0.4);
-    second.two_sided = true;
+    second.shape.surface_mut().unwrap().two_sided = true;
     second.epsilon = Some(0.0);
-    (first.reflection, second.reflection) = (0.6, 0.2);
+    (first.shape.surface_mut().unwrap().reflection, second.shape.surface_mut().unwrap().reflection) = (0.6, 0.2);
     let mut scene = scene(vec![first, second], size);
     scene.environment = Some(surroundings());
     scene
@@ -191,13 +191,13 @@ pub(super) fn all() -> Vec<Case> {
         times: Times::Even,
     };
     let mut mirrored = two_balls([70, 45]);
-    mirrored.objects[1].two_sided = false;
+    mirrored.objects[1].shape.surface_mut().unwrap().two_sided = false;
     // All objects have one coefficient.
-    mirrored.objects.iter_mut().for_each(|object| object.reflection = 0.4);
+    mirrored.objects.iter_mut().for_each(|object| object.shape.surface_mut().unwrap().reflection = 0.4);
     let mut matt = two_balls([70, 45]);
     matt.environment = None;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
-    seen_twice.objects[0].two_sided = true;
+    seen_twice.objects[0].shape.surface_mut().unwrap().two_sided = true;
     let rolling = |text: &str| {
         let mut scene = two_balls([70, 45]);
         scene.objects[0].motions = vec![
@@ -259,7 +259,7 @@ pub(super) fn all() -> Vec<Case> {
 /// Few splats, each on dozens of tiles.
 pub(super) fn large_splats() -> Case {
     let mut scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
-    scene.objects[0].two_sided = true;
+    scene.objects[0].shape.surface_mut().unwrap().two_sided = true;
     let options = RenderOptions {
         quality: BlurMode::supersample(1).into(),
         prefilter: Prefilter::Approx,
@@ -272,7 +272,7 @@ pub(super) fn large_splats() -> Case {
 pub(super) fn swept() -> Vec<Case> {
     let mut moving = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
     moving.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.4) }];
-    moving.objects[0].two_sided = true;
+    moving.objects[0].shape.surface_mut().unwrap().two_sided = true;
     let mut fast = two_balls([70, 45]);
     fast.objects[0].motions.push(Motion::Linear { velocity: DVec3::new(0.9, -0.4, 1.2) });
     // In the first of two intervals the first ball's front comes nearer than that.

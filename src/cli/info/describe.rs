@@ -105,13 +105,15 @@ fn scene_object(o: &Object) -> Value {
         ("path", json!(o.source.path.to_string_lossy())),
         ("radius_scale", json!(o.source.options.radius_scale)),
         ("blur", json!(o.blur)),
-        ("two_sided", json!(o.two_sided)),
         ("epsilon", o.epsilon.map_or_else(|| json!("tolerance"), |e| json!(e))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
+    if let Some(surface) = o.shape.surface() {
+        pairs.insert(4, ("two_sided", json!(surface.two_sided)));
+    }
     match &o.shape {
-        Shape::Surfels { model: surfels, points } => {
+        Shape::Surfels { model: surfels, points, .. } => {
             if !surfels.paths().is_empty() {
                 pairs.push(("points_at", points.at.map_or_else(|| json!("each frame"), |at| json!(at))));
             }
@@ -119,13 +121,13 @@ fn scene_object(o: &Object) -> Value {
             pairs.push(("tolerance", single(o.shape.tolerance())));
         }
         Shape::Gaussians { model, .. } => pairs.push(("model", capture(model.gaussians()))),
-        Shape::Volume(model) => pairs.push(("model", volume(model.gaussians(), None))),
+        Shape::Volume { model, .. } => pairs.push(("model", volume(model.gaussians(), None))),
         Shape::Sequence { files, .. } => {
             let spec = files.spec();
             let frames = [spec.first, spec.last].map(|number| tidy(spec.frame_of(number)));
             pairs.push(("files", json!({ "first": spec.first, "last": spec.last, "frames": frames })));
         }
-        Shape::Sphere(_) => pairs.push(("model", model(&Surfels::default()))),
+        Shape::Sphere { .. } => pairs.push(("model", model(&Surfels::default()))),
     }
     if let Some(space) = o.source.options.colour_space {
         pairs.push(("colour_space", json!(format!("{space:?}").to_lowercase())));
@@ -142,11 +144,11 @@ fn scene_object(o: &Object) -> Value {
     if o.opacity != 1.0 {
         pairs.push(("opacity", json!(o.opacity)));
     }
-    if o.reflection != 0.0 {
-        pairs.push(("reflection", json!(o.reflection)));
+    if let Some(surface) = o.shape.surface().filter(|surface| surface.reflection != 0.0) {
+        pairs.push(("reflection", json!(surface.reflection)));
     }
-    if let Some(m) = &o.material {
-        pairs.push(("material", material(m)));
+    if let Some(m) = o.shape.material() {
+        pairs.push(("material", material(&m)));
     }
     object(pairs)
 }
