@@ -183,7 +183,7 @@ pub use time::{Anchor, Direction, FrameNumber, Readout, Shutter, Weight};
 // How, and on what.
 pub use film::Aov;
 pub use options::{
-    BlurMode, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
+    BlurMode, Detail, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
     SweptKernel,
 };
 pub use renderer::{Device, Renderer};

@@ -2,6 +2,7 @@
 
 mod queue;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,7 +16,7 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{Object, Scene, Shape};
+use crate::scene::{CutTolerance, Object, Scene, Shape};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
@@ -269,6 +270,7 @@ pub(crate) fn render_checked(
 ) -> Result<Rendered, BackendError> {
     let scene = &*scene.at_frame(frame.get())?;
     check(scene, options)?;
+    let scene = &*as_fine(scene, frame, options);
     if options.look.aovs.contains(&Aov::Object) {
         let rendered = render_checked(backend, scene, frame, &without_objects(options))?;
         return objects::add_layer(backend, scene, frame, options, rendered);
@@ -283,6 +285,14 @@ pub(crate) fn render_checked(
             let frame = posed(backend, scene, frame, mode, options)?;
             backend.render(frame)
         }
+    }
+}
+
+/// The scene with the surfels that a frame needs. Of a scene with these it is the same.
+fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) -> Cow<'a, Scene> {
+    match options.detail.error(options.quality) {
+        Some(error) => scene.cut(frame.get(), CutTolerance::of(error)),
+        None => Cow::Borrowed(scene),
     }
 }
 

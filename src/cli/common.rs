@@ -13,7 +13,7 @@ use splatblur::film::Aov;
 use splatblur::image::{Bits, Compression, Exr, Format, Precision};
 use splatblur::model::{self, ModelError};
 use splatblur::movie;
-use splatblur::options::{self, Look, PixelFilter, Prefilter, Shading};
+use splatblur::options::{self, Detail, Look, PixelFilter, Prefilter, Shading};
 use splatblur::scene::Scene;
 use splatblur::scene_file::{self, LoadedScene};
 use splatblur::time::{Readout, Weight};
@@ -165,6 +165,15 @@ pub(super) struct Splatting {
         help_heading = "Surfaces"
     )]
     pub(super) prefilter: Option<Prefilter>,
+    /// How fine the surfels are that show. Where many lie within a pixel, or blur washes them out, fewer and larger
+    /// ones take their place. `auto` goes with --error, and is `good` in other modes; `full` shows all.
+    #[arg(
+        long,
+        default_value_t,
+        value_parser = values::one_of::<Detail>(Detail::WORDS),
+        help_heading = "Surfaces"
+    )]
+    pub(super) detail: Detail,
     #[command(flatten)]
     pub(super) limit: Limit,
 }

@@ -72,6 +72,7 @@ impl Common {
         let options = RenderOptions {
             // A study may render on both.
             memory: self.splatting.limit.memory("gpu", self.running.quiet),
+            detail: self.splatting.detail,
             look: self.surfaces.look(&self.sampling, Vec::new()),
             ..RenderOptions::default()
         };

@@ -21,6 +21,7 @@ mod format;
 pub mod generate;
 pub mod generate_volume;
 mod inward;
+pub(crate) mod levels;
 mod load;
 pub mod mesh;
 mod neighbours;

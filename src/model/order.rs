@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::surfels::Surfels;
 
 /// Bits of a Morton code per axis: three times 21 fit into 64.
-const BITS: u32 = 21;
+pub(super) const BITS: u32 = 21;
 
 impl Surfels {
     /// The same surfels along a Morton curve with 21 bits for each axis over their bounding cube. Ties keep their

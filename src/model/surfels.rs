@@ -1,5 +1,7 @@
 //! A model that can be rendered.
 
+use std::fmt;
+use std::panic::{RefUnwindSafe, UnwindSafe};
 use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
@@ -42,6 +44,16 @@ impl Default for Material {
 pub struct Normalisation {
     factors: OnceLock<Vec<f32>>,
     mean: OnceLock<f32>,
+    later: Option<Later>,
+}
+
+/// Where factors come from that another model has, once somebody asks.
+struct Later(Box<dyn Fn() -> Vec<f32> + Send + Sync + UnwindSafe + RefUnwindSafe>);
+
+impl fmt::Debug for Later {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Later")
+    }
 }
 
 impl Normalisation {
@@ -50,13 +62,18 @@ impl Normalisation {
         self.factors.get().map(Vec::as_slice)
     }
 
-    /// The factors, computed unless they are known.
+    /// Factors that `make` makes when they are first asked for, one for each surfel.
+    pub(super) fn later(make: impl Fn() -> Vec<f32> + Send + Sync + UnwindSafe + RefUnwindSafe + 'static) -> Self {
+        Self { later: Some(Later(Box::new(make))), ..Self::default() }
+    }
+
+    /// The factors, made or computed unless they are known.
     ///
     /// Two threads that ask at the same time both compute, and get the same. No lock is held meanwhile: a thread that
     /// waits for its parallel parts may take up a task that asks again, and would wait for itself.
     pub(super) fn known_or(&self, compute: impl FnOnce() -> Vec<f32>) -> &[f32] {
         if self.factors.get().is_none() {
-            let factors = compute();
+            let factors = self.later.as_ref().map_or_else(compute, |Later(make)| make());
             // An error says that the other thread was first.
             let _ = self.factors.set(factors);
         }
@@ -77,7 +94,7 @@ impl Clone for Normalisation {
 
 impl From<Vec<f32>> for Normalisation {
     fn from(factors: Vec<f32>) -> Self {
-        Self { factors: factors.into(), mean: OnceLock::new() }
+        Self { factors: factors.into(), ..Self::default() }
     }
 }
 

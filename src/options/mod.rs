@@ -8,6 +8,7 @@ mod aov;
 mod blur;
 mod check;
 mod counts;
+mod detail;
 mod error;
 mod filter;
 mod look;
@@ -22,6 +23,7 @@ use std::str::FromStr;
 pub use self::aov::in_order;
 pub use self::blur::{BlurMode, ErrorTarget, Quality};
 pub use self::counts::{count, samples_max};
+pub use self::detail::Detail;
 pub use self::error::OptionError;
 pub use self::filter::PixelFilter;
 pub use self::look::Look;
@@ -193,6 +195,8 @@ pub struct RenderOptions {
     pub quality: Quality,
     /// Screen-space prefilter. Default: [`Prefilter::Auto`].
     pub prefilter: Prefilter,
+    /// How fine the surfels are that show. Default: [`Detail::Auto`].
+    pub detail: Detail,
     /// What a reference has in common with it: filter, shading, sides, tolerance, seed and extra channels.
     pub look: Look,
     /// Bytes that a frame and the models may take together. Default: 2^30. The picture does not depend on it.
@@ -206,6 +210,7 @@ impl Default for RenderOptions {
         Self {
             quality: Quality::default(),
             prefilter: Prefilter::Auto,
+            detail: Detail::Auto,
             look: Look::default(),
             memory: 1 << 30,
             reconstruct: false,

@@ -178,6 +178,7 @@ fn words_read_back() {
     both::<PixelFilter>(&["box", "point", "gaussian:0.25", "gaussian:1", "gaussian:4"]);
     both::<Prefilter>(Prefilter::WORDS);
     both::<Shading>(Shading::WORDS);
+    both::<Detail>(Detail::WORDS);
     both::<Meshes>(Meshes::WORDS);
     both::<KernelShape>(KernelShape::WORDS);
     both::<KernelWeight>(KernelWeight::WORDS);

@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use super::{check, check_values, finite, posed, render_frame};
+use super::{as_fine, check, check_values, finite, posed, render_frame};
 use crate::backend::{Backend, BackendError, Rendered};
 use crate::film::Aov;
 use crate::options::{Quality, RenderOptions};
@@ -132,6 +132,7 @@ impl<'a, T> FrameQueue<'a, T> {
         };
         let scene = self.scene.at_frame(finite(number)?.get())?;
         check(&scene, options)?;
+        let scene = as_fine(&scene, number, options);
         let frame = posed(self.backend, &scene, number, mode, options)?;
         self.backend.begin(frame)?;
         Ok(State::UnderWay)

@@ -3,6 +3,7 @@
 mod at_frame;
 mod automatic;
 mod check;
+mod cut;
 mod detail;
 mod gaussians;
 mod model;
@@ -15,6 +16,7 @@ mod unseen;
 mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
+pub(crate) use self::cut::CutTolerance;
 pub(crate) use self::detail::{SURFELS, wanted_spacing};
 pub use self::model::{GaussianModel, SurfelModel};
 pub(crate) use self::sequence::Opened;

@@ -1,11 +1,12 @@
 //! Surfels and Gaussians as an object shows them, with what is derived from them once.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError};
 
 use glam::{DVec3, Vec3};
 
 use crate::limits::Invalid;
 use crate::math::Bounds;
+use crate::model::levels::Levels;
 use crate::model::mesh::Mesh;
 use crate::model::paths::{Elapsed, OwnPaths, Paths};
 use crate::model::{Gaussians, Optics, Surfels};
@@ -27,8 +28,26 @@ pub struct SurfelModel {
     /// Boxes around the columns of the paths.
     rates: [Bounds; 3],
     mesh: Option<Arc<Mesh>>,
+    levels: Arc<LevelsOnce>,
+    /// Bytes that are kept beside the surfels.
+    beside: u64,
     /// A fault in the columns that a program made: the model cannot be rendered.
     pub(super) flaw: Option<Arc<Invalid>>,
+}
+
+/// The levels of detail of a model, once they are asked for.
+#[derive(Debug, Default)]
+struct LevelsOnce {
+    tree: OnceLock<Option<Arc<Levels>>>,
+    /// The last cut: what does not move has the same in each frame, and is uploaded once.
+    last: Mutex<Option<(Vec<u32>, Arc<Surfels>)>>,
+}
+
+impl LevelsOnce {
+    /// For a model that has none.
+    fn none() -> Self {
+        Self { tree: OnceLock::from(None), last: Mutex::default() }
+    }
 }
 
 /// The part of a sequence that surfels are.
@@ -60,6 +79,8 @@ impl SurfelModel {
             bounds: Bounds::default(),
             rates: Default::default(),
             mesh: None,
+            levels: Arc::default(),
+            beside: 0,
             flaw,
         }
     }
@@ -80,6 +101,36 @@ impl SurfelModel {
     /// The mesh that they were sampled from when it was loaded.
     pub(crate) fn mesh(&self) -> Option<&Arc<Mesh>> {
         self.mesh.as_ref()
+    }
+
+    /// The surfels of some nodes of the levels of detail, which `choose` names, in place of all. `None` where there are
+    /// no levels, or the nodes have all surfels. Levels are built when they are first asked for.
+    pub(super) fn cut(&self, choose: impl FnOnce(&Levels) -> Vec<u32>) -> Option<Self> {
+        // Loose discs are no surface, and merge to none. Those that move by themselves leave their neighbours.
+        if self.tolerance < self.median_radius || !self.paths().is_empty() {
+            return None;
+        }
+        let levels = self.levels.tree.get_or_init(|| Levels::of(&self.surfels).map(Arc::new)).as_ref()?;
+        let cut = choose(levels);
+        if cut.iter().all(|&node| levels.nodes()[node as usize].is_leaf()) {
+            return None;
+        }
+        let mut last = self.levels.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let surfels = match &*last {
+            Some((of, surfels)) if *of == cut => Arc::clone(surfels),
+            _ => {
+                let surfels = Arc::new(levels.gather(&self.surfels, &cut));
+                *last = Some((cut, Arc::clone(&surfels)));
+                surfels
+            }
+        };
+        let beside = self.surfels.bytes() + levels.bytes();
+        Some(Self { surfels, beside, levels: Arc::new(LevelsOnce::none()), ..self.clone() })
+    }
+
+    /// Memory of what is kept beside the surfels: all of the model, where these are a cut through its levels.
+    pub(crate) fn bytes_beside(&self) -> u64 {
+        self.beside
     }
 
     /// The shared surfels.

@@ -241,8 +241,8 @@ impl Object {
     /// An object of this shape: surfels, Gaussians, an ideal sphere, or the [`Shape`] of another object.
     ///
     /// It has no name ([`Scene::new`] gives it one), stands where its model does, does not move, and has its model's
-    /// material ([`Shape::surface_mut`] changes that). Renderers are faster where neighbours in the model are neighbours in space
-    /// ([`Surfels::spatially_ordered`]).
+    /// material ([`Shape::surface_mut`] changes that). Rendering is faster where neighbours in the model are
+    /// neighbours in space ([`Surfels::spatially_ordered`]).
     ///
     /// [`Surfels::spatially_ordered`]: crate::model::Surfels::spatially_ordered
     pub fn new(shape: impl Into<Shape>) -> Self {

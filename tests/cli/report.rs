@@ -124,10 +124,10 @@ fn a_report_goes_on_where_it_was_and_is_a_gate() {
     }
     assert_eq!(again["frames"][1]["reference_seconds"], json["frames"][1]["reference_seconds"]);
 
-    // The gate: good modes pass; a tiny depth tolerance tears surfaces and does not.
+    // The gate: good modes pass; a tiny depth tolerance tears surfaces of many surfels and does not.
     let limit = format!("gamma-rmse={}", 1.5 * json["sequence"][0]["metrics"]["gamma-rmse"].as_f64().unwrap());
     assert_eq!(report("supersample:8", &["--limit", &limit]).0, 0);
-    let (code, said) = report("supersample:8", &["--limit", &limit, "--epsilon", "1e-6"]);
+    let (code, said) = report("supersample:8", &["--limit", &limit, "--epsilon", "1e-6", "--detail", "full"]);
     assert_eq!(code, 1, "{said}");
     assert!(said.contains("over the limit: frame 2, supersample:8@cpu: gamma-rmse is "), "{said}");
     assert!(read("index.html").contains("Over the limit"));

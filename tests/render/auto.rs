@@ -14,7 +14,7 @@ use splatblur::film::{Aov, Picture};
 use splatblur::frame::Frame;
 use splatblur::model::Surfels;
 use splatblur::options::{
-    BlurMode, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
+    BlurMode, Detail, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
 };
 use splatblur::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
 use splatblur::reference::{self, ReferenceOptions};
@@ -46,6 +46,7 @@ fn options(target: ErrorTarget, filter: PixelFilter) -> RenderOptions {
     RenderOptions {
         quality: Quality::Error(target),
         prefilter,
+        detail: Detail::Full,
         look: Look { filter, shading, epsilon: Some(0.03), ..Look::default() },
         ..RenderOptions::default()
     }

@@ -17,7 +17,7 @@ use splatblur::film::{Aov, Picture};
 use splatblur::image;
 use splatblur::math::srgb::from_linear;
 use splatblur::model::{ModelFormat, parse_capture};
-use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, RenderOptions};
+use splatblur::options::{BlurMode, Detail, Interleave, Look, PixelFilter, RenderOptions};
 use splatblur::renderer::{FrameQueue, render_frame};
 use splatblur::scene::{Camera, ImageSettings, Object, Scene};
 
@@ -141,7 +141,8 @@ fn too_little_memory_is_an_error() {
 fn a_tile_holds_more_splats_than_a_loop_has_turns() {
     let Some(mut gpu) = gpu_or_skip("a_tile_holds_more_splats_than_a_loop_has_turns") else { return };
     let scene = sphere_scene(300_000, 16, false);
-    let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 1 }.into(), ..RenderOptions::default() };
+    let quality = BlurMode::Still { pixel_samples: 1 }.into();
+    let options = RenderOptions { quality, detail: Detail::Full, ..RenderOptions::default() };
     let cpu = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
     let picture = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
     assert!(cpu.stats.splats > 70_000, "{}", cpu.stats.splats);

@@ -8,6 +8,7 @@ mod captures;
 mod closed_forms;
 mod contact;
 mod dataset;
+mod detail;
 mod environment;
 mod ewa;
 mod ewa_in_motion;

@@ -7,7 +7,7 @@ use crate::support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Surfels;
-use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, Prefilter, RenderOptions, Shading, Times};
+use splatblur::options::{BlurMode, Detail, Interleave, Look, PixelFilter, Prefilter, RenderOptions, Shading, Times};
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::time::Weight;
 
@@ -17,6 +17,7 @@ fn options(mode: BlurMode) -> RenderOptions {
     RenderOptions {
         quality: mode.into(),
         prefilter: Prefilter::Approx,
+        detail: Detail::Full,
         look: Look { aovs, ..Look::default() },
         ..RenderOptions::default()
     }

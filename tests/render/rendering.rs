@@ -6,7 +6,7 @@ use crate::support::{UNLIT, default_lights, object, render, round_surfels, scene
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Material, Surfels};
-use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Detail, Look, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::scene::{Light, Motion, Object, Scene};
 use splatblur::time::Weight;
 
@@ -84,8 +84,9 @@ fn busy_scene() -> Scene {
 fn bytes_depend_on_neither_threads_nor_memory_nor_the_run() {
     let scene = busy_scene();
     for shading in [Shading::Phong, Shading::Gouraud] {
-        let options =
-            RenderOptions { look: Look { shading, aovs: Aov::ALL.to_vec(), ..supersample(5).look }, ..supersample(5) };
+        let look = Look { shading, aovs: Aov::ALL.to_vec(), ..supersample(5).look };
+        // With levels of detail the models would take more memory than their surfels.
+        let options = RenderOptions { detail: Detail::Full, look, ..supersample(5) };
         let with = |threads: usize, memory: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
             let options = RenderOptions { memory, ..options.clone() };

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use splatblur::backend::{Stats, Waste};
-use splatblur::options::{BlurMode, RenderOptions};
+use splatblur::options::{BlurMode, Detail, RenderOptions};
 use splatblur::{Device, Renderer, Scene};
 
 type Row = (&'static str, i64, [f64; 3]);
@@ -53,7 +53,8 @@ fn every_shipped_scene_has_a_row() {
 }
 
 fn are_tight(rows: impl Iterator<Item = Row>) {
-    let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 1 }.into(), ..RenderOptions::default() };
+    let quality = BlurMode::Still { pixel_samples: 1 }.into();
+    let options = RenderOptions { quality, detail: Detail::Full, ..RenderOptions::default() };
     for (name, frame, seen) in rows {
         let scene = Scene::load(format!("scenes/{name}.xml")).unwrap();
         let mut renderer = Renderer::open(Device::Cpu).unwrap();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one
 /// only on purpose. Types that few programs name stand in `fields`.
-const NAMES: [&str; 59] = [
+const NAMES: [&str; 61] = [
     // What is rendered.
     "Anchor",
     "AnimationBinding",
@@ -34,6 +34,7 @@ const NAMES: [&str; 59] = [
     "Shutter",
     "Source",
     "Sphere",
+    "Surface",
     "SurfelModel",
     "Surfels",
     "SurfelsBuilder",
@@ -44,6 +45,7 @@ const NAMES: [&str; 59] = [
     // How, and on what.
     "Aov",
     "BlurMode",
+    "Detail",
     "Device",
     "Done",
     "ErrorTarget",

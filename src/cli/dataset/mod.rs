@@ -138,7 +138,7 @@ pub(super) struct Dataset {
         value_parser = reference_samples,
         conflicts_with_all = ["mode", "error", "samples_max", "samples", "buckets", "interleave", "times",
             "pixel_samples", "kernel", "kernel_weight", "source_samples", "overlap", "alpha", "normalise", "published",
-            "prefilter"],
+            "prefilter", "detail"],
         help_heading = "Blur"
     )]
     reference: Option<u64>,
@@ -309,6 +309,7 @@ impl Dataset {
         Ok(By::Splatting(RenderOptions {
             quality,
             prefilter: self.splatting.prefilter.unwrap_or_default(),
+            detail: self.splatting.detail,
             look: self.surfaces.look(&self.sampling, Vec::new()),
             ..RenderOptions::default()
         }))

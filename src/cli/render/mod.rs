@@ -288,6 +288,7 @@ impl Render {
         Ok(RenderOptions {
             quality,
             prefilter: self.splatting.prefilter.unwrap_or_default(),
+            detail: self.splatting.detail,
             reconstruct: self.reconstruct,
             look: self.surfaces.look(&self.sampling, aovs),
             ..RenderOptions::default()

@@ -18,8 +18,8 @@ use super::sheet::{self, Canvas, Layout, Panel};
 use crate::compare::{flip, gamma_rmse};
 use crate::film::{Aov, Picture};
 use crate::options::{
-    BlurMode, KernelShape, KernelWeight, Look, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, SweptKernel,
-    TemporalAlpha,
+    BlurMode, Detail, KernelShape, KernelWeight, Look, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions,
+    SweptKernel, TemporalAlpha,
 };
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -113,6 +113,7 @@ impl Thesis {
                 filter: PixelFilter::Point,
                 ..Look::default()
             },
+            detail: Detail::Full,
             ..RenderOptions::default()
         }
     }

@@ -1,0 +1,221 @@
+//! Builds the tree: nodes from the top, merged surfels from the bottom.
+
+use std::ops::Range;
+
+use glam::{Mat3, UVec3, Vec3};
+use rayon::prelude::*;
+
+use super::merge::{Disc, merge};
+use super::{CELLS, FEW, Levels, Node};
+use crate::model::order::{BITS, morton_codes};
+use crate::model::surfels::Surfels;
+
+/// Cosine of the greatest angle between fronts that are merged: thin sheets keep both sides.
+const AGREE: f32 = 0.5;
+
+/// A node before it has surfels.
+struct Draft {
+    /// Its surfels of the model.
+    leaves: Range<usize>,
+    children: Range<u32>,
+    /// Its edge is 2 to this, in cells of the codes.
+    bits: u32,
+}
+
+/// The cells of the codes in space.
+struct Grid {
+    corner: Vec3,
+    /// Edge of a cell.
+    edge: f32,
+}
+
+impl Grid {
+    /// Edge of the cells of a node whose edge is 2 to `bits`.
+    fn edge_of_cell(&self, bits: u32) -> f32 {
+        self.edge * (1_u32 << shift(bits)) as f32
+    }
+}
+
+/// The edge of a cell of a node whose edge is 2 to `bits` is 2 to this.
+fn shift(bits: u32) -> u32 {
+    bits.saturating_sub(CELLS.trailing_zeros())
+}
+
+impl Levels {
+    /// The tree of surfels along their Morton curve ([`Surfels::spatially_ordered`]). `None` where they do not lie so,
+    /// are too few for any level, or have sizes that cannot be merged.
+    pub(crate) fn of(surfels: &Surfels) -> Option<Self> {
+        if surfels.len() <= FEW || u32::try_from(surfels.len()).is_err() {
+            return None;
+        }
+        let codes: Vec<u64> = morton_codes(&surfels.position).into_iter().map(|(code, _)| code).collect();
+        if !codes.is_sorted() {
+            return None;
+        }
+        let [low, high] = surfels
+            .position
+            .iter()
+            .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &place| [low.min(place), high.max(place)]);
+        let grid = Grid { corner: low, edge: (high - low).max_element() / ((1_u32 << BITS) - 1) as f32 };
+        let (drafts, depths) = drafts(&codes);
+        let mut nodes: Vec<Node> = Vec::with_capacity(drafts.len());
+        let mut merged: Vec<Vec<Disc>> = Vec::new();
+        nodes.resize(drafts.len(), Node::default());
+        merged.resize_with(drafts.len(), Vec::new);
+        for depth in depths.into_iter().rev() {
+            let made: Vec<(Node, Vec<Disc>)> = depth
+                .clone()
+                .into_par_iter()
+                .map(|i| {
+                    let draft = &drafts[i];
+                    if draft.children.is_empty() {
+                        let discs: Vec<Disc> = draft.leaves.clone().map(|i| Disc::of(surfels, i)).collect();
+                        return (leaf(draft, &discs), Vec::new());
+                    }
+                    let children = draft.children.start as usize..draft.children.end as usize;
+                    let mut below = Vec::new();
+                    for child in children.clone() {
+                        if drafts[child].children.is_empty() {
+                            below.extend(drafts[child].leaves.clone().map(|i| Disc::of(surfels, i)));
+                        } else {
+                            below.extend_from_slice(&merged[child]);
+                        }
+                    }
+                    let own = merge_cells(&below, draft.bits, &grid);
+                    (inner(draft, &nodes[children], &own, &grid), own)
+                })
+                .collect();
+            for (i, (node, own)) in depth.zip(made) {
+                nodes[i] = node;
+                merged[i] = own;
+            }
+        }
+        let mut start = 0;
+        for (node, own) in nodes.iter_mut().zip(&merged).filter(|(node, _)| !node.is_leaf()) {
+            node.surfels = start..start + own.len() as u32;
+            start = node.surfels.end;
+        }
+        let merged = merged.concat();
+        let is_sound = |disc: &Disc| {
+            let finite = [disc.position, disc.axis_u, disc.axis_v, disc.normal].iter().all(|v| v.is_finite());
+            finite && disc.axis_u.cross(disc.axis_v).length() > 0.0
+        };
+        if !merged.iter().all(is_sound) {
+            return None;
+        }
+        let share = merged.iter().map(|disc| disc.area / disc.axis_u.cross(disc.axis_v).length()).collect();
+        Some(Self { nodes, merged: columns(&merged, surfels), share })
+    }
+}
+
+/// All nodes with what is below them, and the range of nodes of each depth.
+fn drafts(codes: &[u64]) -> (Vec<Draft>, Vec<Range<usize>>) {
+    let mut drafts = vec![Draft { leaves: 0..codes.len(), children: 0..0, bits: BITS }];
+    let mut depth = 0..1;
+    let mut depths = Vec::new();
+    while !depth.is_empty() {
+        depths.push(depth.clone());
+        for i in depth.clone() {
+            let (leaves, mut bits) = (drafts[i].leaves.clone(), drafts[i].bits);
+            if leaves.len() <= FEW {
+                continue;
+            }
+            // Cubes with all surfels in one eighth are no nodes.
+            let differ = codes[leaves.start] ^ codes[leaves.end - 1];
+            bits = bits.min((u64::BITS - differ.leading_zeros()).div_ceil(3));
+            drafts[i].bits = bits;
+            if bits == 0 {
+                continue;
+            }
+            let first = drafts.len() as u32;
+            let mut start = leaves.start;
+            while start < leaves.end {
+                let eighth = |code: u64| code >> (3 * (bits - 1));
+                let own = eighth(codes[start]);
+                let end = start + codes[start..leaves.end].partition_point(|&code| eighth(code) == own);
+                drafts.push(Draft { leaves: start..end, children: 0..0, bits: bits - 1 });
+                start = end;
+            }
+            drafts[i].children = first..drafts.len() as u32;
+        }
+        depth = depth.end..drafts.len();
+    }
+    (drafts, depths)
+}
+
+/// Merges discs with like fronts in the cells of a node whose edge is 2 to `bits`.
+fn merge_cells(below: &[Disc], bits: u32, grid: &Grid) -> Vec<Disc> {
+    let (shift, edge) = (shift(bits), grid.edge_of_cell(bits));
+    let cell = |disc: &Disc| {
+        let place = ((disc.position - grid.corner) / grid.edge.max(f32::MIN_POSITIVE)).as_uvec3();
+        let UVec3 { x, y, z } = place >> shift;
+        [z, y, x]
+    };
+    let mut order: Vec<([u32; 3], u32)> = below.iter().zip(0..).map(|(disc, i)| (cell(disc), i)).collect();
+    order.sort_unstable();
+    let mut own = Vec::new();
+    for of_cell in order.chunk_by(|a, b| a.0 == b.0) {
+        let mut groups: Vec<(Vec3, Vec<&Disc>)> = Vec::new();
+        for (_, i) in of_cell {
+            let disc = &below[*i as usize];
+            let front = disc.front();
+            match groups.iter_mut().find(|(of_group, _)| of_group.dot(front) >= AGREE * of_group.length()) {
+                Some((of_group, discs)) => {
+                    *of_group += front * disc.area;
+                    discs.push(disc);
+                }
+                None => groups.push((front * disc.area, vec![disc])),
+            }
+        }
+        own.extend(groups.iter().map(|(_, discs)| merge(discs, edge)));
+    }
+    own
+}
+
+fn leaf(draft: &Draft, discs: &[Disc]) -> Node {
+    let [low, high] = discs.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], disc| {
+        let extent = disc.extent();
+        [low.min(disc.position - extent), high.max(disc.position + extent)]
+    });
+    Node { corners: [low, high], surfels: draft.leaves.start as u32..draft.leaves.end as u32, ..Node::default() }
+}
+
+fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
+    let [low, high] = children.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], child| {
+        [low.min(child.corners[0]), high.max(child.corners[1])]
+    });
+    let area: f32 = own.iter().map(|disc| disc.area).sum();
+    let mean = |of: fn(&Disc) -> f32| own.iter().map(|disc| of(disc) * (disc.area / area)).sum::<f32>();
+    let axis = own.iter().map(|disc| disc.front() * (disc.area / area)).sum::<Vec3>().normalize_or_zero();
+    let changes: Mat3 = own.iter().map(|disc| disc.changes * (disc.area / area)).sum();
+    let trace = changes.x_axis.x + changes.y_axis.y + changes.z_axis.z;
+    Node {
+        corners: [low, high],
+        axis,
+        spacing: grid.edge_of_cell(draft.bits),
+        deviation: mean(|disc| disc.deviation).sqrt(),
+        rest: mean(Disc::rest).sqrt(),
+        turns: mean(Disc::turns).sqrt(),
+        along: if trace > 0.0 { changes * trace.recip() } else { Mat3::ZERO },
+        surfels: 0..0,
+        children: draft.children.clone(),
+    }
+}
+
+/// Discs as columns, with those that the model has.
+fn columns(discs: &[Disc], model: &Surfels) -> Surfels {
+    let all = |of: fn(&Disc) -> Vec3| discs.iter().map(of).collect::<Vec<_>>();
+    let has = |there: bool| if there { discs } else { &[] };
+    Surfels {
+        origin: model.origin,
+        position: all(|disc| disc.position),
+        axis_u: all(|disc| disc.axis_u),
+        axis_v: all(|disc| disc.axis_v),
+        normal: all(|disc| disc.normal),
+        colour: all(|disc| disc.colour),
+        mipmap: has(!model.mipmap.is_empty()).iter().map(|disc| disc.mipmap).collect(),
+        opacity: has(!model.opacity.is_empty()).iter().map(|disc| disc.opacity).collect(),
+        material: has(!model.material.is_empty()).iter().map(|disc| disc.material).collect(),
+        ..Surfels::default()
+    }
+}

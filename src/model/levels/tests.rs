@@ -1,0 +1,248 @@
+//! Tests of the tree: what merging keeps, that coarse levels cover what fine ones do, and sizes that cannot be merged.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+
+use super::*;
+
+/// Discs on a unit ball, each 1.2 times as large as the distance to the next.
+fn ball(count: usize) -> Surfels {
+    let golden = PI * (3.0 - 5.0_f32.sqrt());
+    let radius = 1.2 * (4.0 * PI / count as f32).sqrt();
+    of_fronts((0..count).map(|i| {
+        let z = 1.0 - (2.0 * i as f32 + 1.0) / count as f32;
+        let across = (1.0 - z * z).sqrt();
+        let front = Vec3::new(across * (golden * i as f32).cos(), across * (golden * i as f32).sin(), z);
+        (front, front, radius)
+    }))
+}
+
+fn of_fronts(discs: impl Iterator<Item = (Vec3, Vec3, f32)>) -> Surfels {
+    let mut surfels = Surfels { origin: DVec3::new(3.0, -2.0, 5.0), ..Surfels::default() };
+    for (position, front, radius) in discs {
+        let (u, v) = front.any_orthonormal_pair();
+        surfels.position.push(position);
+        surfels.axis_u.push(u * radius);
+        surfels.axis_v.push(v * radius);
+        surfels.normal.push(front);
+        surfels.colour.push(Vec3::new(0.2, 0.5, 0.7));
+    }
+    surfels.spatially_ordered()
+}
+
+/// All cuts that have the nodes of one depth, or leaves above it, from the root on.
+fn cuts(levels: &Levels) -> Vec<Vec<u32>> {
+    let mut cuts = vec![vec![0]];
+    loop {
+        let last = cuts.last().unwrap();
+        let below = |&node: &u32| {
+            let of = &levels.nodes[node as usize];
+            if of.is_leaf() { vec![node] } else { of.children.clone().collect() }
+        };
+        let next: Vec<u32> = last.iter().flat_map(below).collect();
+        if next == *last {
+            return cuts;
+        }
+        cuts.push(next);
+    }
+}
+
+fn tree(surfels: &Surfels) -> Arc<Levels> {
+    Arc::new(Levels::of(surfels).expect("levels"))
+}
+
+fn area(surfels: &Surfels, i: usize) -> f64 {
+    surfels.axis_u[i].as_dvec3().cross(surfels.axis_v[i].as_dvec3()).length()
+}
+
+#[test]
+fn leaves_are_the_model() {
+    let model = Arc::new(ball(5000));
+    let levels = tree(&model);
+    let leaves = cuts(&levels).pop().unwrap();
+    let gathered = levels.gather(&model, &leaves);
+    assert_eq!(gathered.position, model.position);
+    assert_eq!(gathered.axis_u, model.axis_u);
+    assert_eq!(gathered.normalisation(), model.normalisation());
+    // As many again, in all levels together, as a third to a half of the model.
+    let merged = levels.merged.len() as f64 / model.len() as f64;
+    assert!((0.15..0.6).contains(&merged), "{merged}");
+}
+
+/// Area, middle, colour and vector area of each cut are those of the model; a closed surface has the vector area 0.
+#[test]
+fn merging_keeps_sums() {
+    let mut model = ball(20_000);
+    for (colour, position) in model.colour.iter_mut().zip(&model.position) {
+        *colour = (*position * 0.5 + Vec3::splat(0.5)) * 0.8;
+    }
+    let model = Arc::new(model);
+    let levels = tree(&model);
+    let sums = |cut: &[u32]| {
+        let (mut sum, mut middle, mut colour) = (0.0, DVec3::ZERO, DVec3::ZERO);
+        for &node in cut {
+            let node = &levels.nodes[node as usize];
+            let (of, merged) = if node.is_leaf() { (&*model, false) } else { (&levels.merged, true) };
+            for i in node.surfels.clone().map(|i| i as usize) {
+                let below = if merged { f64::from(levels.share[i]) } else { 1.0 } * area(of, i);
+                sum += below;
+                middle += below * of.position[i].as_dvec3();
+                colour += below * of.colour[i].as_dvec3();
+            }
+        }
+        (sum, middle / sum, colour / sum)
+    };
+    let cuts = cuts(&levels);
+    let (whole, centre, mean) = sums(cuts.last().unwrap());
+    assert!(cuts.len() >= 4, "{}", cuts.len());
+    for cut in &cuts {
+        let (sum, middle, colour) = sums(cut);
+        assert!((sum / whole - 1.0).abs() < 1e-5, "{sum} {whole}");
+        assert!((middle - centre).length() < 1e-5 && (colour - mean).length() < 1e-5, "{middle} {colour}");
+    }
+}
+
+/// Every level is sound, has one colour where the model has one, lies on the ball, and holds its box.
+#[test]
+fn every_level_is_a_surface_of_the_model() {
+    let model = Arc::new(ball(20_000));
+    let levels = tree(&model);
+    for cut in cuts(&levels) {
+        let surfels = levels.gather(&model, &cut);
+        surfels.check().unwrap();
+        assert!(surfels.normalisation().iter().all(|&factor| factor > 0.0 && factor <= LARGEST));
+        for i in 0..surfels.len() {
+            assert!((surfels.colour[i] - Vec3::new(0.2, 0.5, 0.7)).length() < 1e-6);
+            assert!(surfels.axis_u[i].cross(surfels.axis_v[i]).dot(surfels.normal[i]) >= 0.0);
+        }
+        for node in cut.iter().map(|&node| &levels.nodes[node as usize]) {
+            let of = if node.is_leaf() { &*model } else { &levels.merged };
+            for i in node.surfels.clone().map(|i| i as usize) {
+                let depth = f64::from(1.0 - of.position[i].length());
+                // What is merged lies inside, by no more than the node says of the mean square.
+                assert!(depth > -1e-5 && depth <= 3.0 * f64::from(node.deviation) + 1e-5, "{depth}");
+            }
+        }
+    }
+}
+
+/// Points of the ball lie in a disc of each level, seen from outside.
+#[test]
+fn no_level_has_holes() {
+    let model = Arc::new(ball(20_000));
+    let levels = tree(&model);
+    for cut in cuts(&levels).into_iter().skip(2) {
+        let surfels = levels.gather(&model, &cut);
+        for point in ball(3000).position {
+            let covers = |i: usize| {
+                let (u, v) = (surfels.axis_u[i], surfels.axis_v[i]);
+                let front = u.cross(v).normalize();
+                // Along the ray to the middle of the ball.
+                let along = surfels.position[i].dot(front) / point.dot(front);
+                let from = point * along - surfels.position[i];
+                let (a, b) = (from.dot(u) / u.length_squared(), from.dot(v) / v.length_squared());
+                along > 0.5 && a * a + b * b <= 1.0
+            };
+            assert!((0..surfels.len()).any(covers), "{} surfels: {point}", surfels.len());
+        }
+    }
+}
+
+/// Fronts more than 60 degrees apart stay apart: both sides of a thin plate have their colours at all levels.
+#[test]
+fn thin_sheets_keep_both_sides() {
+    let plate = |side: f32| {
+        (0..4000).map(move |i| (Vec3::new((i % 64) as f32, (i / 64) as f32, side * 1e-3), Vec3::Z * side, 0.8))
+    };
+    let mut model = of_fronts(plate(1.0).chain(plate(-1.0)));
+    for (colour, normal) in model.colour.iter_mut().zip(&model.normal) {
+        *colour = if normal.z > 0.0 { Vec3::X } else { Vec3::Y };
+    }
+    let model = Arc::new(model);
+    let levels = tree(&model);
+    for cut in cuts(&levels) {
+        let surfels = levels.gather(&model, &cut);
+        for (normal, colour) in surfels.normal.iter().zip(&surfels.colour) {
+            let want = if normal.z > 0.0 { Vec3::X } else { Vec3::Y };
+            assert!((*colour - want).length() < 1e-6 && normal.z.abs() > 0.999, "{normal} {colour}");
+        }
+    }
+}
+
+/// Stripes change across themselves, and noise in all directions of the plane.
+#[test]
+fn a_node_knows_where_its_detail_changes() {
+    let plane = |colour: fn(usize, usize) -> f32| {
+        let places = (0..4096).map(|i| (Vec3::new((i % 64) as f32, (i / 64) as f32, 0.0), Vec3::Z, 1.2));
+        let mut model = of_fronts(places);
+        for (own, place) in model.colour.iter_mut().zip(&model.position) {
+            *own = Vec3::splat(colour(place.x as usize, place.y as usize));
+        }
+        let levels = tree(&model);
+        let node = levels.nodes.iter().find(|node| !node.is_leaf()).unwrap();
+        (node.rest, [node.along.x_axis.x, node.along.y_axis.y, node.along.z_axis.z])
+    };
+    let (rest, [x, y, z]) = plane(|x, _| (x % 2) as f32);
+    assert!(rest > 0.3 && x > 0.8 && y < 0.2 && z.abs() < 1e-6, "{rest} {x} {y} {z}");
+    let (rest, [x, y, _]) = plane(|x, y| (libm::sinf((x * 12 + y * 78) as f32) * 43_758.547).abs().fract());
+    assert!(rest > 0.2 && (x - y).abs() < 0.2, "{rest} {x} {y}");
+    assert_eq!(plane(|_, _| 0.5).0, 0.0);
+}
+
+#[test]
+fn what_has_no_levels() {
+    assert!(Levels::of(&Surfels::default()).is_none());
+    assert!(Levels::of(&ball(FEW)).is_none());
+    // Not along the curve.
+    let mut model = ball(5000);
+    model.position.swap(0, 4000);
+    assert!(Levels::of(&model).is_none());
+    // All in one place: there is no cell to divide.
+    let same = of_fronts((0..1000).map(|_| (Vec3::ONE, Vec3::Z, 0.1)));
+    let levels = tree(&same);
+    assert_eq!(levels.nodes.len(), 1);
+    // Areas that are no numbers.
+    assert!(Levels::of(&of_fronts((0..1000).map(|i| (Vec3::X * i as f32, Vec3::Z, 1e25)))).is_none());
+}
+
+/// The tree does not depend on the number of threads.
+#[test]
+fn threads_change_nothing() {
+    let model = ball(20_000);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let (a, b) = (one.install(|| tree(&model)), tree(&model));
+    assert!(a.nodes == b.nodes && a.merged.position == b.merged.position && a.merged.axis_u == b.merged.axis_u);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Any discs have sound levels, or none.
+    #[test]
+    fn any_discs_have_sound_levels(
+        size in -18.0_f32..18.0,
+        radius in -18.0_f32..18.0,
+        flat in prop::array::uniform3(prop::bool::ANY),
+        seed in any::<u32>(),
+    ) {
+        let number = |i: usize, k: u32| {
+            let mixed = (i as u32).wrapping_mul(2_654_435_761).wrapping_add(k.wrapping_mul(40_503)).wrapping_add(seed);
+            (mixed ^ mixed >> 15).wrapping_mul(2_246_822_519) as f32 / u32::MAX as f32
+        };
+        let (size, radius) = (10.0_f32.powf(size), 10.0_f32.powf(radius));
+        let discs = (0..600).map(|i| {
+            let place: [f32; 3] = [0, 1, 2].map(|axis| if flat[axis] { 0.0 } else { size * number(i, axis as u32) });
+            let (z, turn) = (2.0 * number(i, 3) - 1.0, TAU * number(i, 4));
+            let front = Vec3::new((1.0 - z * z).sqrt() * turn.cos(), (1.0 - z * z).sqrt() * turn.sin(), z);
+            (Vec3::from(place), front, radius * (0.5 + number(i, 5)))
+        });
+        let model = Arc::new(of_fronts(discs));
+        if let Some(levels) = Levels::of(&model).map(Arc::new) {
+            for cut in cuts(&levels) {
+                prop_assert!(levels.gather(&model, &cut).check().is_ok());
+            }
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! The surfels of each model that are fine enough for a frame.
+//!
+//! One cut serves a whole exposure. It depends on scene, frame and tolerance alone, never on the frame before, so that
+//! any part of a sequence can be rendered by itself.
+
+use std::borrow::Cow;
+
+use glam::{DMat3, DMat4, DVec2, DVec3};
+
+use super::pose::{camera_from_world, object_pose};
+use super::shape::Shape;
+use super::values::{Object, Scene};
+use crate::math::{focal_length, norm};
+use crate::model::levels::{Levels, Node};
+
+/// Tolerances at an error of 1. At `good`, which is .025, they are .01 of white and .05 pixels.
+const REST: f64 = 0.4;
+const DEVIATION: f64 = 2.0;
+/// What a mirror shows turns twice as far as its front, by surroundings from black to white.
+const MIRRORED: f64 = 2.0;
+/// Parts of an exposure, of equal weight. Nodes are looked at where they begin and end.
+const PARTS: usize = 8;
+/// Length of the waves that cells leave out, in edges of a cell over pi: two edges.
+const WAVE: f64 = 2.0 / std::f64::consts::PI;
+/// Share of change along stripes that pairs of surfels show all the same, because some lie aslant: a sixth.
+const ALONG: f64 = 1.0 / 6.0;
+/// The factor with which half of all change, that of detail that is the same in all directions, counts as a half.
+const ACROSS: f64 = 1.5;
+/// Least cosine between a surface and a ray at which motion on the image is traced on the surface.
+const GRAZING: f64 = 0.2;
+
+/// What a cut may leave out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CutTolerance {
+    /// Root mean square of what is missing of colours in the finished picture, as a share of white as it is displayed.
+    pub(crate) rest: f64,
+    /// How far surfels may lie from those that they replace, pixels.
+    pub(crate) deviation: f64,
+}
+
+impl CutTolerance {
+    /// The tolerance for the error of a picture ([`ErrorTarget::error`](crate::options::ErrorTarget::error)).
+    pub(crate) fn of(error: f64) -> Self {
+        Self { rest: REST * error, deviation: DEVIATION * error }
+    }
+}
+
+impl Scene {
+    /// The scene with those surfels of its models that frame `number` needs within `tolerance`.
+    ///
+    /// Models keep all their surfels where they are few, or loose, or move by themselves, and where light passes
+    /// through them.
+    pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance) -> Cow<'_, Self> {
+        let cut = |object: &Object| {
+            let Shape::Surfels { model, surface, points } = &object.shape else { return None };
+            if object.is_see_through() {
+                return None;
+            }
+            let mirrors = if self.environment.is_some() { surface.reflection } else { 0.0 };
+            let model = model.cut(|levels| {
+                let views = views(self, object, number);
+                let origin = model.surfels().origin;
+                let mut nodes = Vec::new();
+                if !views.is_empty() {
+                    let wave = Vec::new();
+                    Chooser { levels, views, tolerance, origin, mirrors, wave }.choose(0, &mut nodes);
+                }
+                nodes
+            })?;
+            Some(Shape::Surfels { model, surface: *surface, points: *points })
+        };
+        let shapes: Vec<Option<Shape>> = self.objects.iter().map(cut).collect();
+        if shapes.iter().all(Option::is_none) {
+            return Cow::Borrowed(self);
+        }
+        let objects = self.objects.iter().zip(shapes);
+        let objects = objects.map(|(object, shape)| match shape {
+            Some(shape) => Object { shape, ..object.clone() },
+            None => object.clone(),
+        });
+        Cow::Owned(Self { objects: objects.collect(), ..self.clone() })
+    }
+}
+
+/// Where an object and the camera are at an instant.
+struct View {
+    camera_from_model: DMat4,
+    model_from_camera: DMat3,
+    /// In the model.
+    eye: DVec3,
+    /// Pixels of a length of 1 of the model at a distance of 1 from the eye.
+    pixels: f64,
+    focal: f64,
+    near: f64,
+}
+
+/// The object at the ends of the parts of its exposure; those at which it is hidden are left out. One where nothing
+/// moves.
+fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
+    let [early, late] = scene.shutter.readout.delays();
+    let focal = focal_length(f64::from(scene.image.height), scene.camera.fovy);
+    let at = |part: usize| {
+        let share = part as f64 / PARTS as f64;
+        let open = scene.shutter.frame_time(number, scene.shutter.weight.time_of(share));
+        let time = if object.blur { open + early + (late - early) * share } else { number };
+        let pose = object_pose(scene, object, time);
+        let camera_from_model = camera_from_world(scene, time) * pose.world_from_model;
+        let linear = DMat3::from_mat4(camera_from_model);
+        let (scale, model_from_camera) = (norm(&linear), linear.inverse());
+        let eye = model_from_camera * -camera_from_model.w_axis.truncate();
+        let (pixels, near) = (focal * scale, scene.camera.near);
+        let sound = pose.visible && scale > 0.0 && eye.is_finite();
+        sound.then_some(View { camera_from_model, model_from_camera, eye, pixels, focal, near })
+    };
+    let mut views: Vec<View> = (0..=PARTS).filter_map(at).collect();
+    views.dedup_by(|a, b| a.camera_from_model == b.camera_from_model);
+    views
+}
+
+struct Chooser<'a> {
+    levels: &'a Levels,
+    views: Vec<View>,
+    tolerance: CutTolerance,
+    origin: DVec3,
+    /// Share of the surroundings that it mirrors.
+    mirrors: f64,
+    /// Lengths of the paths of a node in the parts of the exposure, pixels.
+    wave: Vec<f64>,
+}
+
+impl Chooser<'_> {
+    /// Adds the coarsest nodes below `node` that are fine enough, from one end of their curve to the other.
+    fn choose(&mut self, node: u32, cut: &mut Vec<u32>) {
+        let levels = self.levels;
+        let of = &levels.nodes()[node as usize];
+        if of.is_leaf() || self.is_fine(of) {
+            return cut.push(node);
+        }
+        of.children.clone().for_each(|child| self.choose(child, cut));
+    }
+
+    fn is_fine(&mut self, node: &Node) -> bool {
+        let density = self.density(node);
+        if f64::from(node.deviation) * density > self.tolerance.deviation {
+            return false;
+        }
+        let spacing = f64::from(node.spacing) * density;
+        // The share of detail as fine as a cell that a pixel shows: measured on random textures, as the mean over a
+        // pixel leaves it (docs/measurements/levels.md).
+        let seen = 1.0 - libm::exp(-0.45 * libm::pow(spacing, 1.3));
+        let rest = f64::from(node.rest).hypot(MIRRORED * self.mirrors * f64::from(node.turns)) * seen;
+        rest <= self.tolerance.rest || rest * self.blur(node, spacing) <= self.tolerance.rest
+    }
+
+    /// Pixels of a length of 1 of the model at its nearest.
+    fn density(&self, node: &Node) -> f64 {
+        let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
+        let of = |view: &View| {
+            let nearest = view.camera_from_model.transform_point3(view.eye.clamp(low, high)).length();
+            view.pixels / nearest.max(view.near)
+        };
+        self.views.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// The share of missing detail, `spacing` pixels wide, that is left after the blur of the exposure, 0 to 1.
+    ///
+    /// Waves are averaged out where the path is longer than they are. What rests for a part of the exposure keeps that
+    /// share. Waves along the motion stay: half of all of them cross it where detail is the same in all directions.
+    fn blur(&mut self, node: &Node, spacing: f64) -> f64 {
+        let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
+        let (centre, axis) = (0.5 * (low + high), node.axis.as_dvec3());
+        let along = node.along.as_dmat3();
+        self.wave.clear();
+        let (mut across, mut path) = (0.0, 0.0);
+        for [from, to] in self.views.array_windows() {
+            let places = [from, to].map(|view| view.camera_from_model.transform_point3(centre));
+            if places.iter().any(|place| -place.z < from.near) {
+                return 1.0;
+            }
+            let films: [DVec2; 2] = places.map(|place| place.truncate() * (from.focal / -place.z));
+            let length = films[0].distance(films[1]);
+            let ray = places[0].normalize_or_zero();
+            let moved = places[1] - places[0];
+            let moved = from.model_from_camera * (moved - ray * moved.dot(ray));
+            let ray = (from.model_from_camera * ray).normalize_or_zero();
+            let facing = axis.dot(ray);
+            let moved = if facing.abs() > GRAZING { moved - ray * (axis.dot(moved) / facing) } else { moved };
+            let moved = moved.normalize_or_zero();
+            across += length * moved.dot(along * moved);
+            path += length;
+            self.wave.push(length);
+        }
+        if path <= 0.0 {
+            return 1.0;
+        }
+        let rests = (PARTS - self.wave.len()) as f64 / PARTS as f64;
+        let share = rests + (1.0 - rests) * longest_rest(&self.wave, WAVE * spacing.max(1.0));
+        libm::pow(share.min(1.0), ((across / path - ALONG) * ACROSS).clamp(0.0, 1.0))
+    }
+}
+
+/// The longest share of a time, in parts of equal length, that a path takes to get on by `wave`.
+fn longest_rest(parts: &[f64], wave: f64) -> f64 {
+    let from = |way: &mut dyn Iterator<Item = &f64>| {
+        let (mut left, mut share) = (wave, 0.0);
+        for &part in way {
+            if part >= left {
+                return share + left / part.max(f64::MIN_POSITIVE);
+            }
+            left -= part;
+            share += 1.0;
+        }
+        share
+    };
+    // It begins or ends with a part.
+    let of = |i: usize| from(&mut parts[i..].iter()).max(from(&mut parts[..=i].iter().rev()));
+    (0..parts.len()).map(of).fold(0.0, f64::max) / parts.len() as f64
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,145 @@
+//! Tests of the cut: what motion saves and what it does not, and that it depends on nothing but scene and frame.
+
+use glam::Vec3;
+
+use super::*;
+use crate::model::Surfels;
+use crate::scene::{Light, Motion};
+use crate::time::Shutter;
+
+/// Surfels of a plane along each axis, one apart.
+const SIDE: usize = 256;
+const NUMBER: f64 = 3.0;
+
+/// A plane that faces the camera, with half a surfel in a pixel along each axis; it moves by `path` pixels in the
+/// exposure.
+fn plane(colour: fn(usize, usize) -> f32, path: DVec3) -> Scene {
+    let mut surfels = Surfels::default();
+    for i in 0..SIDE * SIDE {
+        let (x, y) = (i % SIDE, i / SIDE);
+        surfels.position.push(Vec3::new(x as f32 - 0.5 * SIDE as f32, y as f32 - 0.5 * SIDE as f32, 0.0));
+        surfels.axis_u.push(Vec3::X * 1.2);
+        surfels.axis_v.push(Vec3::Y * 1.2);
+        surfels.normal.push(Vec3::Z);
+        surfels.colour.push(Vec3::splat(colour(x, y)));
+    }
+    let mut object = Object::new(surfels.spatially_ordered());
+    // Two units are a pixel.
+    object.motions = vec![Motion::Linear { velocity: 2.0 * path }];
+    let mut scene = Scene::new([object]);
+    (scene.image.width, scene.image.height) = (128, 128);
+    scene.camera.fovy = 2.0 * libm::atan(0.5);
+    (scene.camera.eye, scene.camera.at, scene.camera.up) = (DVec3::Z * 256.0, DVec3::ZERO, DVec3::Y);
+    scene.shutter = Shutter { open: -0.5, close: 0.5, ..Shutter::default() };
+    scene.lights = vec![Light::Ambient { colour: DVec3::ONE }];
+    // The object is where it is built at this frame.
+    scene.objects[0].transform.translate = -2.0 * path * NUMBER;
+    scene
+}
+
+fn noise(x: usize, y: usize) -> f32 {
+    let mixed = (x as u32).wrapping_mul(2_654_435_761) ^ (y as u32).wrapping_mul(2_246_822_519);
+    0.2 + 0.6 * ((mixed ^ mixed >> 13).wrapping_mul(3_266_489_917) >> 8) as f32 / f32::from(1_u16 << 12).powi(2)
+}
+
+/// Stripes of two surfels in height.
+fn stripes(_: usize, y: usize) -> f32 {
+    if (y / 2).is_multiple_of(2) { 0.2 } else { 0.8 }
+}
+
+fn surfels(scene: &Scene, tolerance: CutTolerance) -> usize {
+    scene.cut(NUMBER, tolerance).objects[0].shape.elements()
+}
+
+const TIGHT: CutTolerance = CutTolerance { rest: 0.02, deviation: 10.0 };
+
+#[test]
+fn blur_saves_what_it_washes_out() {
+    let still = surfels(&plane(noise, DVec3::ZERO), TIGHT);
+    let moving = [4.0, 16.0, 64.0].map(|path| surfels(&plane(noise, path * DVec3::X), TIGHT));
+    assert!(moving[0] <= still && moving[1] * 3 <= still && moving[2] <= moving[1], "{still} {moving:?}");
+    // A plane of one colour needs next to nothing.
+    assert!(surfels(&plane(|_, _| 0.5, DVec3::ZERO), TIGHT) * 50 < SIDE * SIDE);
+}
+
+#[test]
+fn stripes_along_the_motion_stay() {
+    let of = |path: DVec3| surfels(&plane(stripes, path), TIGHT);
+    let (still, along, across) = (of(DVec3::ZERO), of(16.0 * DVec3::X), of(16.0 * DVec3::Y));
+    assert!(along * 10 > still * 9 && across * 3 <= still, "{still} {along} {across}");
+}
+
+/// Two objects whose motion is mirrored in time have the same cut.
+#[test]
+fn time_has_no_direction() {
+    let [there, back] = [16.0, -16.0].map(|path| plane(noise, DVec3::new(path, 0.3 * path, 0.2 * path)));
+    assert_eq!(surfels(&there, TIGHT), surfels(&back, TIGHT));
+}
+
+#[test]
+fn what_rests_for_a_part_of_the_time_keeps_that_part() {
+    let moving = [2.0; 8];
+    let stops = [2.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0, 0.0];
+    let turns = [4.0, 3.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0];
+    assert!((longest_rest(&moving, 1.0) - 1.0 / 16.0).abs() < 1e-12);
+    assert!((longest_rest(&moving, 16.0) - 1.0).abs() < 1e-12 && longest_rest(&moving, 99.0) <= 1.0);
+    assert!((longest_rest(&stops, 1.0) - 4.5 / 8.0).abs() < 1e-12, "{}", longest_rest(&stops, 1.0));
+    assert!((longest_rest(&turns, 2.0) - 2.0 / 8.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_cut_follows_distance_and_tolerance() {
+    let at = |distance: f64, error: f64| {
+        let mut scene = plane(noise, DVec3::ZERO);
+        scene.camera.eye = DVec3::Z * 256.0 * distance;
+        surfels(&scene, CutTolerance::of(error))
+    };
+    let good = [0.25, 1.0, 4.0, 16.0].map(|distance| at(distance, 0.025));
+    assert!(good[0] == SIDE * SIDE && good.is_sorted_by(|near, far| near >= far), "{good:?}");
+    assert!(good[3] * 16 < good[0], "{good:?}");
+    let by_error = [0.1, 0.05, 0.025, 0.0125].map(|error| at(2.0, error));
+    assert!(by_error.is_sorted() && by_error[0] < by_error[3], "{by_error:?}");
+}
+
+/// A node around the eye, or partly behind it, is taken apart.
+#[test]
+fn what_is_at_the_eye_stays_fine() {
+    let mut scene = plane(noise, 8.0 * DVec3::X);
+    scene.camera.eye = DVec3::new(3.0, 2.0, 0.5);
+    scene.camera.at = DVec3::new(3.0, 40.0, 0.0);
+    scene.camera.up = DVec3::Z;
+    (scene.image.width, scene.image.height) = (16, 16);
+    let cut = scene.cut(NUMBER, CutTolerance::of(0.025));
+    let near = |place: &Vec3| place.truncate().distance(glam::Vec2::new(3.0, 2.0)) < 6.0;
+    let count = |scene: &Scene| scene.objects[0].shape.positions().iter().filter(|place| near(place)).count();
+    assert_eq!(count(&cut), count(&scene));
+    assert!(cut.objects[0].shape.elements() < SIDE * SIDE);
+}
+
+#[test]
+fn what_has_no_cut_is_as_it_was() {
+    let kept = |change: fn(&mut Scene)| {
+        let mut scene = plane(noise, DVec3::ZERO);
+        scene.camera.eye = DVec3::Z * 1e5;
+        change(&mut scene);
+        surfels(&scene, CutTolerance::of(0.025)) == SIDE * SIDE
+    };
+    assert!(!kept(|_| ()));
+    assert!(kept(|scene| scene.objects[0].opacity = 0.5));
+    let turned = |scene: &mut Scene| {
+        // An object that is never seen.
+        scene.objects[0].transform.scale = DVec3::ZERO;
+    };
+    assert!(kept(turned));
+}
+
+/// A cut of a cut is the same scene, and two frames with the same nodes share their surfels.
+#[test]
+fn cuts_are_made_once() {
+    let scene = plane(noise, DVec3::ZERO);
+    let far = |number: f64| scene.cut(number, CutTolerance::of(0.2)).into_owned();
+    let (one, two) = (far(0.0), far(7.0));
+    let surfels = |scene: &Scene| std::sync::Arc::clone(scene.objects[0].shape.surfels().unwrap().surfels());
+    assert!(surfels(&one).len() < SIDE * SIDE && std::sync::Arc::ptr_eq(&surfels(&one), &surfels(&two)));
+    assert!(matches!(one.cut(0.0, CutTolerance::of(1.0)), Cow::Borrowed(_)));
+}
