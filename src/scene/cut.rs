@@ -62,8 +62,8 @@ impl Scene {
                 let origin = model.surfels().origin;
                 let mut nodes = Vec::new();
                 if !views.is_empty() {
-                    let wave = Vec::new();
-                    Chooser { levels, views, tolerance, origin, mirrors, wave }.choose(0, &mut nodes);
+                    let (rolls, parts) = (self.shutter.readout.rolls(), Vec::new());
+                    Chooser { levels, views, tolerance, origin, mirrors, rolls, parts }.choose(0, &mut nodes);
                 }
                 nodes
             })?;
@@ -124,8 +124,10 @@ struct Chooser<'a> {
     origin: DVec3,
     /// Share of the surroundings that it mirrors.
     mirrors: f64,
+    /// Is the image read out row by row? A row sees a part of the time of the views, so no detail counts as blurred.
+    rolls: bool,
     /// Lengths of the paths of a node in the parts of the exposure, pixels.
-    wave: Vec<f64>,
+    parts: Vec<f64>,
 }
 
 impl Chooser<'_> {
@@ -149,7 +151,7 @@ impl Chooser<'_> {
         // pixel leaves it (docs/measurements/levels.md).
         let seen = 1.0 - libm::exp(-0.45 * libm::pow(spacing, 1.3));
         let rest = f64::from(node.rest).hypot(MIRRORED * self.mirrors * f64::from(node.turns)) * seen;
-        rest <= self.tolerance.rest || rest * self.blur(node, spacing) <= self.tolerance.rest
+        rest <= self.tolerance.rest || !self.rolls && rest * self.blur(node, spacing) <= self.tolerance.rest
     }
 
     /// Pixels of a length of 1 of the model at its nearest.
@@ -170,7 +172,7 @@ impl Chooser<'_> {
         let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
         let (centre, axis) = (0.5 * (low + high), node.axis.as_dvec3());
         let along = node.along.as_dmat3();
-        self.wave.clear();
+        self.parts.clear();
         let (mut across, mut path) = (0.0, 0.0);
         for [from, to] in self.views.array_windows() {
             let places = [from, to].map(|view| view.camera_from_model.transform_point3(centre));
@@ -188,13 +190,13 @@ impl Chooser<'_> {
             let moved = moved.normalize_or_zero();
             across += length * moved.dot(along * moved);
             path += length;
-            self.wave.push(length);
+            self.parts.push(length);
         }
         if path <= 0.0 {
             return 1.0;
         }
-        let rests = (PARTS - self.wave.len()) as f64 / PARTS as f64;
-        let share = rests + (1.0 - rests) * longest_rest(&self.wave, WAVE * spacing.max(1.0));
+        let rests = (PARTS - self.parts.len()) as f64 / PARTS as f64;
+        let share = rests + (1.0 - rests) * longest_rest(&self.parts, WAVE * spacing.max(1.0));
         libm::pow(share.min(1.0), ((across / path - ALONG) * ACROSS).clamp(0.0, 1.0))
     }
 }

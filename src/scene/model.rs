@@ -110,7 +110,14 @@ impl SurfelModel {
         if self.tolerance < self.median_radius || !self.paths().is_empty() {
             return None;
         }
-        let levels = self.levels.tree.get_or_init(|| Levels::of(&self.surfels).map(Arc::new)).as_ref()?;
+        // No lock is held while they are built: a thread that waits for its parallel parts may take up a task that asks
+        // for the same levels.
+        if self.levels.tree.get().is_none() {
+            let built = Levels::of(&self.surfels).map(Arc::new);
+            // An error says that another thread was first.
+            let _ = self.levels.tree.set(built);
+        }
+        let levels = self.levels.tree.get()?.as_ref()?;
         let cut = choose(levels);
         if cut.iter().all(|&node| levels.nodes()[node as usize].is_leaf()) {
             return None;

@@ -58,6 +58,10 @@ fn blur_saves_what_it_washes_out() {
     let still = surfels(&plane(noise, DVec3::ZERO), TIGHT);
     let moving = [4.0, 16.0, 64.0].map(|path| surfels(&plane(noise, path * DVec3::X), TIGHT));
     assert!(moving[0] <= still && moving[1] * 3 <= still && moving[2] <= moving[1], "{still} {moving:?}");
+    // A row that is read out sees a part of the path.
+    let mut rolling = plane(noise, 16.0 * DVec3::X);
+    rolling.shutter.readout.duration = 1.0;
+    assert!(surfels(&rolling, TIGHT) >= still);
     // A plane of one colour needs next to nothing.
     assert!(surfels(&plane(|_, _| 0.5, DVec3::ZERO), TIGHT) * 50 < SIDE * SIDE);
 }
