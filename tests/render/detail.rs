@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+#[cfg(feature = "gpu")]
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
@@ -13,6 +14,7 @@ use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::scene_file::{self, SceneLoadOptions};
 
+#[cfg(feature = "gpu")]
 use crate::support::gpu::gpu_or_skip;
 
 fn scene(name: &str, size: (u32, u32)) -> Scene {
@@ -79,6 +81,7 @@ fn a_frame_does_not_depend_on_the_one_before() {
 }
 
 /// The surfels of a cut go through the GPU as those of a model do.
+#[cfg(feature = "gpu")]
 #[test]
 fn both_backends_show_the_same_cut() {
     let Some(mut gpu) = gpu_or_skip("both_backends_show_the_same_cut") else { return };
