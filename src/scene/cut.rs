@@ -13,8 +13,8 @@ use super::values::{Object, Scene};
 use crate::math::{focal_length, norm};
 use crate::model::levels::{Levels, Node};
 
-/// Tolerances at an error of 1. At `good`, which is .025, they are .01 of white and .05 pixels.
-const REST: f64 = 0.4;
+/// Tolerances at an error of 1. At `good`, which is .025, they are .005 of white and .05 pixels.
+const REST: f64 = 0.2;
 const DEVIATION: f64 = 2.0;
 /// What a mirror shows turns twice as far as its front, by surroundings from black to white.
 const MIRRORED: f64 = 2.0;

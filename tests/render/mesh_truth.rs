@@ -11,7 +11,7 @@ use glam::{DQuat, DVec2, DVec3, EulerRot};
 use splatblur::Scene;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
-use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Detail, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 
 use crate::support::Random;
@@ -72,6 +72,8 @@ fn errors(
             let options = RenderOptions {
                 quality,
                 prefilter,
+                // What sampling costs, without what levels leave out.
+                detail: Detail::Full,
                 look: Look { filter: PixelFilter::Box, ..Look::default() },
                 ..RenderOptions::default()
             };
