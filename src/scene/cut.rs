@@ -147,8 +147,7 @@ impl Chooser<'_> {
             return false;
         }
         let spacing = f64::from(node.spacing) * density;
-        // The share of detail as fine as a cell that a pixel shows: measured on random textures, as the mean over a
-        // pixel leaves it (docs/measurements/levels.md).
+        // The share of detail as fine as a cell that a pixel shows (docs/measurements/levels.md).
         let seen = 1.0 - libm::exp(-0.45 * libm::pow(spacing, 1.3));
         let rest = f64::from(node.rest).hypot(MIRRORED * self.mirrors * f64::from(node.turns)) * seen;
         rest <= self.tolerance.rest || !self.rolls && rest * self.blur(node, spacing) <= self.tolerance.rest

@@ -106,8 +106,9 @@ impl SurfelModel {
     /// The surfels of some nodes of the levels of detail, which `choose` names, in place of all. `None` where there are
     /// no levels, or the nodes have all surfels. Levels are built when they are first asked for.
     pub(super) fn cut(&self, choose: impl FnOnce(&Levels) -> Vec<u32>) -> Option<Self> {
-        // Loose discs are no surface, and merge to none. Those that move by themselves leave their neighbours.
-        if self.tolerance < self.median_radius || !self.paths().is_empty() {
+        // Loose discs are no surface, and merge to none. Those that move by themselves leave their neighbours. A file
+        // of a sequence shows in a frame or two, which a tree is not worth.
+        if self.tolerance < self.median_radius || !self.paths().is_empty() || self.piece.is_some() {
             return None;
         }
         // No lock is held while they are built: a thread that waits for its parallel parts may take up a task that asks

@@ -83,7 +83,6 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
     assert_eq!(dir.words(error), words);
 }
 
-/// The unit and the frame of points that move by themselves are kept, and said to mean nothing for others.
 fn surface(object: &Object) -> &Surface {
     object.shape.surface().expect("a surface")
 }
@@ -94,6 +93,7 @@ fn shown_points(object: &Object) -> PointMotion {
     points
 }
 
+/// The unit and the frame of points that move by themselves are kept, and said to mean nothing for others.
 #[test]
 fn the_motion_of_points_is_read_and_written() {
     let of = |attributes: &str| {

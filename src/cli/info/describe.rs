@@ -110,7 +110,7 @@ fn scene_object(o: &Object) -> Value {
         ("place", trs(&o.place)),
     ];
     if let Some(surface) = o.shape.surface() {
-        pairs.insert(4, ("two_sided", json!(surface.two_sided)));
+        pairs.push(("two_sided", json!(surface.two_sided)));
     }
     match &o.shape {
         Shape::Surfels { model: surfels, points, .. } => {

@@ -9,6 +9,8 @@ use crate::model::surfels::{MIPMAP_LEVELS, Material, Surfels};
 
 /// Directions in which the outline of a disc is held against those of the discs below it.
 const DIRECTIONS: usize = 8;
+/// Discs of its cell that each disc is compared with. Any number of discs may lie in one place.
+const BESIDE: usize = 16;
 /// Least semi-axis of a merged disc, in edges of its cell: discs about the middles of cells cover their corners.
 const LEAST: f32 = 0.72;
 
@@ -180,12 +182,12 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
     }
 }
 
-/// In which directions colours and fronts change between discs of a cell with this edge: the mean over all pairs of d
+/// In which directions colours and fronts change between discs of a cell with this edge: the sum over pairs of d
 /// d^T, d from one to the other as a unit vector, weighted by the square of their change over that of their distance.
 fn changes(discs: &[&Disc], area: f32, edge: f32) -> Mat3 {
     let mut sum = Mat3::ZERO;
     for (i, one) in discs.iter().enumerate() {
-        for other in &discs[i + 1..] {
+        for other in discs[i + 1..].iter().take(BESIDE) {
             let away = (other.position - one.position) / edge;
             let shown = 0.5 * (one.shown + other.shown).length_squared();
             let change =

@@ -203,6 +203,9 @@ fn what_has_no_levels() {
     let same = of_fronts((0..1000).map(|_| (Vec3::ONE, Vec3::Z, 0.1)));
     let levels = tree(&same);
     assert_eq!(levels.nodes.len(), 1);
+    // Very many in one place, and one elsewhere: pairs of all would take hours.
+    let places = (0..300_000).map(|i| (Vec3::X * f32::from(u8::from(i == 0)), Vec3::Z, 0.1));
+    assert_eq!(tree(&of_fronts(places)).merged.len(), 2);
     // Areas that are no numbers.
     assert!(Levels::of(&of_fronts((0..1000).map(|i| (Vec3::X * i as f32, Vec3::Z, 1e25)))).is_none());
 }
