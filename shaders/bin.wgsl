@@ -38,7 +38,7 @@ struct Totals {
 struct Status {
     // Greatest number of entries that a batch needed.
     most_entries: u32,
-    // Number of splats so far, 64 bits.
+    // Number of splats that were made so far, 64 bits.
     splats_low: u32,
     splats_high: u32,
     // Pixels with more layers than are peeled, as `peel_left_out` counts them, 64 bits.
@@ -71,10 +71,12 @@ var<workgroup> seen: atomic<u32>;
 fn bin_reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     var sum = vec2<u32>(0u);
     var visible = 0u;
+    let kept = select(0u, view.slots_at_rest, (view.flags & KEEPS_SPLATS) != 0u);
     for (var i = 0u; i < 4u; i += 1u) {
-        let count = touched_at(group.x * WORKGROUP_ITEMS + i * 256u + lane);
+        let slot = group.x * WORKGROUP_ITEMS + i * 256u + lane;
+        let count = touched_at(slot);
         sum += entries_of(count);
-        visible += select(0u, 1u, count != 0u);
+        visible += select(0u, 1u, count != 0u && slot >= kept);
     }
     atomicAdd(&seen, visible);
     let result = scan(sum, lane);

@@ -1,4 +1,4 @@
-// What passes `resolve` share: a pixel is normalised, shaded and added to the film.
+// What passes `resolve` share: a pixel is normalised, shaded and added to the film, by the `deposit` of the pass.
 // Twin: src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 6 to 8.
 
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
@@ -59,9 +59,9 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
     }
     let at = index * PLANES * TILE_PIXELS + in_tile;
     add(at, colour, share);
-    film[at + 3u * TILE_PIXELS] += share.weight * share.covered;
+    deposit(at + 3u * TILE_PIXELS, share.weight * share.covered);
     if DEPTH_PLANE != 0u {
-        film[at + DEPTH_PLANE * TILE_PIXELS] += share.weight * (share.covered * depth);
+        deposit(at + DEPTH_PLANE * TILE_PIXELS, share.weight * (share.covered * depth));
     }
     if NORMAL_PLANE != 0u {
         add(at + NORMAL_PLANE * TILE_PIXELS, normal, share);
@@ -70,8 +70,8 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
         let x = at + VELOCITY_PLANE * TILE_PIXELS;
         let velocity_x = sums[sum_at + VELOCITY * TILE_PIXELS] * inverse;
         let velocity_y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] * inverse;
-        film[x] += share.weight * (share.covered * velocity_x);
-        film[x + TILE_PIXELS] += share.weight * (share.covered * velocity_y);
+        deposit(x, share.weight * (share.covered * velocity_x));
+        deposit(x + TILE_PIXELS, share.weight * (share.covered * velocity_y));
     }
 }
 
@@ -122,7 +122,7 @@ fn mean(sum_at: u32, channel: u32, inverse: f32) -> vec3<f32> {
 // Adds a value to three neighbouring planes.
 fn add(at: u32, value: vec3<f32>, share: Share) {
     let added = share.weight * (share.covered * value);
-    film[at] += added.x;
-    film[at + TILE_PIXELS] += added.y;
-    film[at + 2u * TILE_PIXELS] += added.z;
+    deposit(at, added.x);
+    deposit(at + TILE_PIXELS, added.y);
+    deposit(at + 2u * TILE_PIXELS, added.z);
 }

@@ -69,12 +69,14 @@ struct View {
     // Standard deviations of two filters: the low-pass filter of full EWA, 0 without it; that of textures.
     sigma: f32,
     footprint: f32,
-    // For step `Composite`: place of the first slot in the order of depth; which surfels there are, in bits as below;
-    // the factor that turns sums over the group into means; not 0 in the last slab of depth.
+    // For step `Composite`: place of the first slot in the order of depth; the factor that turns sums over the group
+    // into means.
     first_place: u32,
-    surfels: u32,
     opaque_scale: f32,
-    ends: u32,
+    // Bits as below.
+    flags: u32,
+    // Slots of what is at rest: the first ones of the batch.
+    slots_at_rest: u32,
     // Cosine and sine of the environment's rotation, factor on its radiance, and the reflection coefficient of all
     // objects where they have the same.
     environment: vec4<f32>,
@@ -86,9 +88,21 @@ struct View {
     first: vec2<u32>,
 }
 
-// Bits of `View.surfels`: thresholds hold opaque surfels; there are layers of see-through surfels.
+// Bits of `View.flags`. Thresholds hold opaque surfels; there are layers of see-through surfels; the slab of depth is
+// the last one.
 const OPAQUE_SURFELS: u32 = 1u;
 const SEE_THROUGH_SURFELS: u32 = 2u;
+const LAST_SLAB: u32 = 4u;
+// The groups of the position share what is at rest (paint/rest.wgsl). The group is the first of them; all of it is in
+// one batch; the splats of what is at rest are those of the group before.
+const SHARES_REST: u32 = 8u;
+const FIRST_OF_POSITION: u32 = 16u;
+const ONE_BATCH: u32 = 32u;
+const KEEPS_SPLATS: u32 = 64u;
+
+// Bits of what is known of a tile at rest. Its film was made for a group before this one; nothing moves into it.
+const KNOWN: u32 = 1u;
+const RESTS: u32 = 2u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows

@@ -5,8 +5,9 @@
 // Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, eq. 5, and section 3.
 //   in   splats, list, starts, wide   output of `project` and `bin`
 //        segments                     epsilon of a splat's object
+//        rest                         output of paint/rest.wgsl
 //   in and out  thresholds   depths of each tile, as common/depths.wgsl has them; T is NONE where no disc covers the
-//                            pixel, and all is UNWANTED in tiles that are not wanted
+//                            pixel, and all is UNWANTED in tiles that are not wanted, or whose film at rest is at hand
 // Of a layer that is peeled off, discs behind the floor alone count, and there is no second threshold.
 // One workgroup per tile, one invocation per quad of pixels. A tile knows its apron from its own list, so it reads no
 // other tile. The order of splats does not change a minimum, so batches may come one after the other. A device waits
@@ -19,6 +20,7 @@
 @group(1) @binding(11) var<storage, read> wide: array<u32>;
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(17) var<storage, read_write> thresholds: array<vec4<f32>>;
+@group(1) @binding(38) var<storage, read> rest: array<u32>;
 
 // Invocations of a tile: enough for the tile, and with a filter for an apron of two pixels at once.
 override INVOCATIONS: u32 = select(64u, 128u, FILTERED);
@@ -49,7 +51,7 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
         if lane == 0u { live = u32(thresholds[depths_at + state_place()].x); }
         if workgroupUniformLoad(&live) == 0u { return; }
     }
-    if !is_wanted(place) {
+    if !is_wanted(place) || is_at_hand(index) {
         for (var i = lane; i < depth_quads(); i += INVOCATIONS) {
             thresholds[depths_at + i] = vec4<f32>(UNWANTED);
         }
@@ -108,6 +110,12 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
     }
 }
 
+// Is the film of a tile at rest all that the group adds? Where a group has several batches, what moves may come later.
+fn is_at_hand(index: u32) -> bool {
+    let shares = (view.flags & (SHARES_REST | ONE_BATCH)) == (SHARES_REST | ONE_BATCH);
+    return shares && rest[index] == (KNOWN | RESTS);
+}
+
 // A disc on the rays through a quad.
 struct Met {
     covers: vec4<bool>,
@@ -150,7 +158,7 @@ fn second(
 ) {
     let index = tile.y * view.tiles.x + tile.x;
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
-    if !is_wanted(place) { return; }
+    if !is_wanted(place) || is_at_hand(index) { return; }
     let state_at = depths_of(index) + state_place();
     if PEEL {
         if lane == 0u { live = u32(thresholds[state_at].x); }

@@ -67,3 +67,7 @@ fn finish(
     }
     film[at + 3u * TILE_PIXELS] = alpha;
 }
+
+fn deposit(at: u32, value: f32) {
+    film[at] += value;
+}

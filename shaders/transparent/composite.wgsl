@@ -83,7 +83,7 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     quad.row = tile_place.y * TILE + place.y;
     var walk = walk_of(index);
     // A layer that is still open ends with the last slab.
-    let has_rest = (OPEN != 0u || NEXT != 0u) && view.ends != 0u;
+    let has_rest = (OPEN != 0u || NEXT != 0u) && (view.flags & LAST_SLAB) != 0u;
     var sum: Composite;
     var open: Composite;
     sum.through = vec4<f32>(1.0);
@@ -100,7 +100,7 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
             quad.layer = number_at(at);
         }
     }
-    let has_layers = NEXT != 0u && (view.surfels & SEE_THROUGH_SURFELS) != 0u;
+    let has_layers = NEXT != 0u && (view.flags & SEE_THROUGH_SURFELS) != 0u;
     quad.next = vec4<u32>(MOST_LAYERS);
     quad.next_depth = vec4<f32>(NONE);
     if has_layers {
@@ -113,7 +113,7 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     let columns = vec4<u32>(quad.column, quad.column + 1u, quad.column + 2u, quad.column + 3u);
     let outside = (columns > vec4<u32>(u32(view.pixels.y))) | vec4<bool>(quad.row > u32(view.pixels.w));
     var limit = vec4<f32>(NONE);
-    if (view.surfels & OPAQUE_SURFELS) != 0u {
+    if (view.flags & OPAQUE_SURFELS) != 0u {
         limit = thresholds[depths_of(index) + threshold_place(place.xy)];
     }
     quad.limit = select(limit, vec4<f32>(UNWANTED), outside);

@@ -54,7 +54,7 @@ fn peel_start(
     }
     for (var i = 0u; i < 4u; i += 1u) {
         var ceiling = NONE;
-        if (view.surfels & OPAQUE_SURFELS) != 0u {
+        if (view.flags & OPAQUE_SURFELS) != 0u {
             if APRONS {
                 // The same tiles with the same apron, without what is behind their depths.
                 let before = index * opaque_depth_quads() + threshold_place(quad.xy);
@@ -180,4 +180,8 @@ fn put(cover: ptr<function, Cover>, coverage: f32, opacity: f32) -> f32 {
     if next.filled >= 1.0 { next = Cover(0.0, 0.0, next.through_filled); }
     *cover = next;
     return light_beside + light_behind;
+}
+
+fn deposit(at: u32, value: f32) {
+    film[at] += value;
 }

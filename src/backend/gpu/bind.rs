@@ -128,6 +128,7 @@ pub(in crate::backend) struct PublishedPrograms {
 #[derive(Debug)]
 pub(in crate::backend) struct PaintPrograms {
     pub lists: ListPrograms,
+    pub find_rest: BoundProgram,
     pub visibility: BoundProgram,
     /// `None` where pixels have one layer.
     pub second: Option<BoundProgram>,
@@ -236,6 +237,8 @@ impl Binder<'_> {
             Slot::Thresholds => &b.thresholds,
             Slot::Values => &b.values,
             Slot::Sums => &b.sums,
+            Slot::Rest => &b.rest,
+            Slot::RestFilm => &b.rest_film,
             // These are bound surfel buffer by surfel buffer and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
             Slot::Wanted => &b.wanted,

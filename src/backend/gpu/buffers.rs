@@ -36,6 +36,9 @@ pub(in crate::backend) struct Buffers {
     pub starts: Buffer,
     pub thresholds: Buffer,
     pub sums: Buffer,
+    /// Bits of each tile at rest, and its film, where the groups of a position share what is at rest.
+    pub rest: Buffer,
+    pub rest_film: Buffer,
     /// The visibility map of kernels in motion. Behind its tiles are the thresholds of static objects, where those
     /// have a picture of their own, then the thresholds of slices.
     pub map: Buffer,
@@ -84,6 +87,8 @@ impl Buffers {
             starts: empty()?,
             thresholds: empty()?,
             sums: empty()?,
+            rest: empty()?,
+            rest_film: empty()?,
             map: empty()?,
             coverage_mask: empty()?,
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
@@ -111,6 +116,9 @@ impl Buffers {
         grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
         grow(device, &mut self.thresholds, "thresholds", (schedule.depth_bytes * band).max(tile * map))?;
         grow(device, &mut self.sums, "sums", tile * schedule.sums * band)?;
+        grow(device, &mut self.rest, "tiles at rest", schedule.rest_bytes.min(4) * band)?;
+        let film_bytes = schedule.rest_bytes.saturating_sub(4);
+        grow(device, &mut self.rest_film, "tiles at rest", film_bytes * band)?;
         grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.slice_bytes * band)?;
         grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
         let each = size_of::<DeviceGaussian>() as u64;
@@ -144,9 +152,10 @@ impl Buffers {
     pub(in crate::backend) fn bytes(&self) -> u64 {
         let splats = [&self.splats, &self.touched, &self.partials, &self.wide, &self.values, &self.starts];
         let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.film, &self.histogram];
+        let rest = [&self.rest, &self.rest_film];
         let captures = [&self.gaussians, &self.order, &self.opaque, &self.peeled, &self.layers];
         let lists = self.keys.iter().chain(&self.lists);
-        splats.into_iter().chain(tiles).chain(captures).chain(lists).map(Buffer::size).sum()
+        splats.into_iter().chain(tiles).chain(rest).chain(captures).chain(lists).map(Buffer::size).sum()
     }
 
     /// Makes room for `entries` entries.

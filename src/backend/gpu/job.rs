@@ -6,7 +6,7 @@ use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 use super::DeviceState;
 use super::batches::{Batch, segments};
 use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms, Round};
-use super::layout::{DIGIT_BITS, OPAQUE_SURFELS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
+use super::layout::{DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::timestamps::{Marks, Stage};
@@ -37,8 +37,8 @@ pub(in crate::backend) struct Job<'a> {
     pub area: Area,
     /// The pixels of the visibility map.
     pub map: Area,
-    /// Do the thresholds hold opaque surfels, before or behind those of the job?
-    pub has_opaque: bool,
+    /// Bits of [`View::flags`].
+    pub flags: u32,
     /// Slope of the time weight, as in [`crate::plan::PosedInterval`]. It is 0 where samples are instants.
     pub slope: f32,
 }
@@ -54,7 +54,7 @@ impl<'a> JobPlace<'a> {
         let area = self.area();
         let group = &self.position.groups[group];
         let map = area.guarded(0);
-        Job { place: self, group, see_through: false, area, map, has_opaque: false, slope: 0.0 }
+        Job { place: self, group, see_through: false, area, map, flags: 0, slope: 0.0 }
     }
 
     /// The same for kernels at instants. Its pixels are those of the band and of the apron around it; its tiles are the
@@ -111,7 +111,19 @@ impl DeviceState {
 
     /// Records and submits the passes of a step. Passes that read lists run batch by batch. False if there is no batch.
     pub(in crate::backend) fn run<W: StepWork>(&self, work: &W, passes: &[W::Pass], marks: &mut Marks) -> bool {
-        let batches = self.upload(work.job());
+        let batches = work.job().place.batches(work.job());
+        self.run_batches(work, &batches, passes, marks)
+    }
+
+    /// As [`Self::run`], of batches that are at hand.
+    pub(in crate::backend) fn run_batches<W: StepWork>(
+        &self,
+        work: &W,
+        batches: &[Batch],
+        passes: &[W::Pass],
+        marks: &mut Marks,
+    ) -> bool {
+        self.upload(work.job(), batches);
         let Some(first) = batches.first() else { return false };
         let mut encoder = self.encoder();
         let mut at_hand = None;
@@ -142,11 +154,10 @@ impl DeviceState {
         self.device.queue.submit([done.finish()]);
     }
 
-    /// Uploads a group's views, segments and lights. Returns its batches.
-    pub(in crate::backend) fn upload(&self, job: &Job<'_>) -> Vec<Batch> {
+    /// Uploads the views, segments and lights of a group, which is cut into `batches`.
+    pub(in crate::backend) fn upload(&self, job: &Job<'_>, batches: &[Batch]) {
         let Job { place, group, area, map, .. } = *job;
         let (prepared, raster) = (place.prepared, place.raster(job.see_through));
-        let batches = place.batches(job);
         let shared = View {
             pixels: area.pixels.to_array(),
             corner: area.corner,
@@ -156,7 +167,7 @@ impl DeviceState {
             map_tiles: map.tiles,
             entry_capacity: self.buffers.entries.min(u64::from(u32::MAX)) as u32,
             slope: job.slope,
-            surfels: u32::from(job.has_opaque) * OPAQUE_SURFELS,
+            flags: job.flags,
             opaque_scale: group_scale(group),
             ..View::of(prepared.frame, &raster, group, &prepared.channels.shared)
         };
@@ -166,6 +177,7 @@ impl DeviceState {
         for (number, batch) in batches.iter().enumerate() {
             let view = View {
                 slots: batch.slots,
+                slots_at_rest: batch.at_rest.slots,
                 resumes: u32::from(number > 0),
                 first_turn: before,
                 last_turn: batch.last_turn,
@@ -177,13 +189,12 @@ impl DeviceState {
             travels.extend_from_slice(&batch.travels);
         }
         let weights = group.samples.iter().map(|sample| Segment::weighing(sample.weight));
-        let all: Vec<_> = weights.chain(segments(&batches).copied()).collect();
+        let all: Vec<_> = weights.chain(segments(batches).copied()).collect();
         let queue = &self.device.queue;
         queue.write_buffer(&self.buffers.travels, 0, bytemuck::cast_slice(&travels));
         queue.write_buffer(&self.buffers.views, 0, &views);
         queue.write_buffer(&self.buffers.segments, 0, bytemuck::cast_slice(&all));
         queue.write_buffer(&self.buffers.lights, 0, bytemuck::cast_slice(&lights(&group.samples)));
-        batches
     }
 
     /// Records one pass of one batch, whose view is `number`.
@@ -299,14 +310,14 @@ pub(in crate::backend) fn dispatch(
     recorder.dispatch_workgroups(groups[0], groups[1], 1);
 }
 
-/// One dispatch for each segment of the batch.
+/// One dispatch for each segment of the batch whose splats are not at hand.
 pub(in crate::backend) fn of_segments(
     recorder: &mut ComputePass<'_>,
     programs: &[Vec<BoundProgram>],
     batch: &Batch,
     view: u32,
 ) {
-    for (segment, object, buffer) in &batch.segments {
+    for (segment, object, buffer) in batch.unmade() {
         let offset = segment.index * UNIFORM_STRIDE as u32;
         programs[*object][*buffer].set(recorder, &[view, offset]);
         recorder.dispatch_workgroups(segment.surfels.div_ceil(256), 1, 1);

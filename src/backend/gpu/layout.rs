@@ -55,18 +55,29 @@ pub(in crate::backend) struct View {
     pub sigma: f32,
     pub footprint: f32,
     pub first_place: u32,
-    pub surfels: u32,
     pub opaque_scale: f32,
-    pub ends: u32,
+    pub flags: u32,
+    pub slots_at_rest: u32,
     pub environment: [f32; 4],
     pub pixel: f32,
     pub strip: f32,
     pub first: [u32; 2],
 }
 
-/// Bits of [`View::surfels`].
+/// Bits of [`View::flags`]. Thresholds hold opaque surfels.
 pub(in crate::backend) const OPAQUE_SURFELS: u32 = 1;
+/// There are layers of see-through surfels.
 pub(in crate::backend) const SEE_THROUGH_SURFELS: u32 = 2;
+/// The slab of depth is the last one.
+pub(in crate::backend) const LAST_SLAB: u32 = 4;
+/// The groups of the position share what is at rest.
+pub(in crate::backend) const SHARES_REST: u32 = 8;
+/// The group is the first of them.
+pub(in crate::backend) const FIRST_OF_POSITION: u32 = 16;
+/// All of the group is in one batch.
+pub(in crate::backend) const ONE_BATCH: u32 = 32;
+/// The splats of what is at rest are those of the group before.
+pub(in crate::backend) const KEEPS_SPLATS: u32 = 64;
 
 /// Kinds of [`Light`], the w of its vector. All others are point lights.
 pub(in crate::backend) const AMBIENT: f32 = 0.0;

@@ -234,6 +234,8 @@ pub(in crate::backend) struct Schedule {
     pub gaussians: u64,
     /// Bytes of a tile of the opaque picture that what is transparent is laid over; 0 without.
     pub opaque_bytes: u64,
+    /// Bytes of what is known of a tile at rest, and of its film; 0 where no groups share what is at rest.
+    pub rest_bytes: u64,
     /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
     pub peeled_bytes: u64,
     pub layer_bytes: u64,
@@ -270,6 +272,7 @@ impl Schedule {
                 None => 0,
             };
         let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
+        let rest_bytes = if shares_film(frame) { 4 + 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let see_through = DeviceChannels::see_through(frame);
         let sums = see_through.map_or(0, |own| own.sums()).max(channels.sums());
         let values = u64::from(see_through.map_or(0, |own| own.values).max(channels.values));
@@ -286,7 +289,7 @@ impl Schedule {
         let depth_bytes = nearest_bytes + if filtered { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
             let own = depth_bytes + 4 * TILE_PIXELS * sums as u64 + 4 + mask_bytes + peeled_bytes + layer_bytes;
-            own + opaque_bytes + slice_bytes
+            own + opaque_bytes + rest_bytes + slice_bytes
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
@@ -364,6 +367,7 @@ impl Schedule {
             slice_bytes,
             gaussians,
             opaque_bytes,
+            rest_bytes,
             peeled_bytes,
             layer_bytes,
         })
@@ -375,6 +379,12 @@ impl Schedule {
         let some = if self.rasters[index].tiles[0] == 0 { 0 } else { all };
         (0..some).step_by(step as usize).map(move |first_row| Band { first_row, rows: step.min(all - first_row) })
     }
+}
+
+/// Do groups share the film of what is at rest? Those of several samples have weights in their coverage, and what is
+/// transparent needs the thresholds of each group.
+pub(in crate::backend) fn shares_film(frame: &Frame) -> bool {
+    frame.shares_rest() && frame.samples_of_a_group() == 1 && frame.blending.is_none()
 }
 
 /// Widest apron of see-through surfels.

@@ -7,9 +7,10 @@ use super::batches::Batch;
 use super::bind::{Binder, ListPrograms, PaintPrograms};
 use super::constants::{depth_constants, sum_constants, value_constants};
 use super::job::{Job, StepWork, dispatch, of_segments};
+use super::layout::SHARES_REST;
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
-use super::programs::{KernelKind, Program, Slot};
+use super::programs::{Constants, KernelKind, Program, Slot};
 use super::timestamps::Stage;
 use crate::backend::BackendError;
 use crate::layout::{EwaSplat, Splat};
@@ -44,6 +45,7 @@ impl Binder<'_> {
                 emit: self.program(Program::BinEmit, &vec![parts, ("PART", parts.1 - 1)], emitted, &[])?,
             },
             // The sorted lists are in the first buffers.
+            find_rest: self.program(Program::FindRest, &Constants::new(), 1, &[])?,
             visibility: self.program(Program::Visibility(kernel), &of_depths, 1, &depths)?,
             second,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
@@ -87,7 +89,12 @@ impl StepWork for PaintStep<'_> {
     fn record(&self, recorder: &mut ComputePass<'_>, pass: PaintPass, batch: &Batch, view: u32) {
         let (programs, tiles) = (self.programs, self.job.area.tiles);
         match pass {
-            PaintPass::Visibility => dispatch(recorder, &programs.visibility, tiles, view),
+            PaintPass::Visibility => {
+                if self.job.flags & SHARES_REST != 0 {
+                    dispatch(recorder, &programs.find_rest, [(tiles[0] * tiles[1]).div_ceil(256), 1], view);
+                }
+                dispatch(recorder, &programs.visibility, tiles, view);
+            }
             PaintPass::Second => programs.second.iter().for_each(|program| dispatch(recorder, program, tiles, view)),
             PaintPass::Attribute => {
                 of_segments(recorder, &programs.splat_values, batch, view);

@@ -44,6 +44,8 @@ pub(in crate::backend) enum Slot {
     Peeled = 35,
     Layers = 36,
     Environment = 37,
+    Rest = 38,
+    RestFilm = 39,
 }
 
 /// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
@@ -68,6 +70,7 @@ pub(in crate::backend) enum Program {
     SortScan,
     SortScatter,
     BinStarts,
+    FindRest,
     Visibility(KernelKind),
     Second,
     SplatValues,
@@ -115,6 +118,7 @@ const PROJECT: &str = wgsl!(
     "paint/project.wgsl",
 );
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
+const REST: &str = wgsl!("common/types.wgsl", "paint/rest.wgsl");
 const VISIBILITY: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
@@ -310,7 +314,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 37] = [
+    pub(in crate::backend) const ALL: [Self; 38] = [
         Self::Project(KernelKind::Disc),
         Self::Project(KernelKind::LowPass),
         Self::Project(KernelKind::Filtered),
@@ -321,6 +325,7 @@ impl Program {
         Self::SortScan,
         Self::SortScatter,
         Self::BinStarts,
+        Self::FindRest,
         Self::Visibility(KernelKind::Disc),
         Self::Visibility(KernelKind::LowPass),
         Self::Visibility(KernelKind::Filtered),
@@ -370,6 +375,7 @@ impl Program {
             | Self::SortCount
             | Self::SortScan
             | Self::SortScatter => BIN,
+            Self::FindRest => REST,
             Self::Visibility(_) | Self::Second => VISIBILITY,
             Self::SplatValues => VALUES,
             Self::Attribute(_) => ATTRIBUTE,
@@ -400,6 +406,7 @@ impl Program {
             Self::SortScan => "sort_scan",
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
+            Self::FindRest => "find_rest",
             Self::Visibility(_) => "visibility",
             Self::Second => "second",
             Self::SplatValues => "splat_values",
@@ -427,8 +434,8 @@ impl Program {
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
             CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers, Lights, List,
-            Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats, Starts,
-            Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals,
+            Looks, Map, Moments, Opaque, Order, Partials, Peeled, Rest, RestFilm, Segments, SortedKeys, SortedList,
+            Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals,
         };
         match self {
             Self::Project(_) | Self::Sweep | Self::PublishedSweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
@@ -439,10 +446,13 @@ impl Program {
             Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
-            Self::Visibility(_) | Self::Second => (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds]),
+            Self::FindRest => (&[List, Wide, Starts], &[Rest]),
+            Self::Visibility(_) | Self::Second => {
+                (&[Segments, Splats, List, Wide, Starts, Wanted, Rest], &[Thresholds])
+            }
             Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[Values]),
             Self::Attribute(_) => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
-            Self::Resolve => (&[Lights, Thresholds, Sums, Environment], &[Film]),
+            Self::Resolve => (&[Lights, Thresholds, Sums, Environment, Rest], &[Film, RestFilm]),
             Self::StoreMap => (&[Thresholds], &[Map]),
             Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
             Self::SweptAttribute | Self::PublishedAttribute => {

@@ -3,9 +3,11 @@
 
 use wgpu::ComputePassDescriptor;
 
+use super::batches::{Batch, SharedRest};
 use super::bind::SurfelPrograms;
 use super::job::{Job, JobPlace, dispatch};
 use super::layout::{OPAQUE_SURFELS, SEE_THROUGH_SURFELS};
+use super::memory::shares_film;
 use super::paint::PaintStep;
 use super::prepared::Prepared;
 use super::steps::{MapStep, PublishedSweepStep, SweepStep};
@@ -48,14 +50,21 @@ impl DeviceState {
     /// Records and submits the steps of one sample position in one band.
     fn execute(&self, place: JobPlace<'_>, marks: &mut Marks) -> Result<(), BackendError> {
         let (mut has_opaque, mut has_layers) = (false, false);
+        let mut rest = SharedRest::default();
         for step in &place.position.steps {
             match *step {
-                Step::Paint { group, .. } | Step::Published { group, part: Published::Instant } => {
-                    self.clear_opaque(place);
+                Step::Paint { group, shares_rest } => {
+                    let mut job = place.paint_job(group, false);
+                    let mut batches = place.batches(&job);
+                    // Later steps of what is transparent write other splats to the buffers.
+                    if shares_rest && place.prepared.frame.blending.is_none() {
+                        job.flags = rest.next(&mut batches, shares_film(place.prepared.frame));
+                    }
+                    has_opaque = self.paint(job, &batches, marks)?;
+                }
+                Step::Published { group, part: Published::Instant } => {
                     let job = place.paint_job(group, false);
-                    let SurfelPrograms::Paint(programs) = &place.programs.surfels else { return Err(self.unbound()) };
-                    let passes = PaintPass::order(place.prepared.channels.is_layered());
-                    has_opaque = self.run(&PaintStep { job, programs }, passes, marks);
+                    has_opaque = self.paint(job, &place.batches(&job), marks)?;
                 }
                 Step::Peel { group } => has_layers = self.see_through(place, group, has_opaque, marks),
                 Step::Composite { group } => {
@@ -97,6 +106,14 @@ impl DeviceState {
             }
         }
         Ok(())
+    }
+
+    /// Paints a group, which is cut into `batches`. False if there is none.
+    fn paint(&self, job: Job<'_>, batches: &[Batch], marks: &mut Marks) -> Result<bool, BackendError> {
+        self.clear_opaque(job.place);
+        let SurfelPrograms::Paint(programs) = &job.place.programs.surfels else { return Err(self.unbound()) };
+        let passes = PaintPass::order(job.place.prepared.channels.is_layered());
+        Ok(self.run_batches(&PaintStep { job, programs }, batches, passes, marks))
     }
 
     /// Empties the opaque picture, where something transparent is laid over it.

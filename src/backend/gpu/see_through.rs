@@ -10,6 +10,7 @@ use super::batches::Batch;
 use super::bind::{Binder, ListPrograms, SeeThroughPrograms};
 use super::constants::peel_constants;
 use super::job::{Job, JobPlace, StepWork, dispatch, of_segments};
+use super::layout::OPAQUE_SURFELS;
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
 use super::programs::{KernelKind, Program, Slot};
@@ -48,7 +49,7 @@ impl DeviceState {
         marks: &mut Marks,
     ) -> bool {
         let Some(programs) = place.programs.see_through.as_ref() else { return false };
-        let job = Job { has_opaque, ..place.paint_job(group, true) };
+        let job = Job { flags: u32::from(has_opaque) * OPAQUE_SURFELS, ..place.paint_job(group, true) };
         let in_one_batch = place.batches(&job).len() == 1;
         let step = SeeThroughStep { job, programs, in_one_batch };
         self.run(&step, &LayerPass::order(place.prepared.frame.has_layers(true)), marks)

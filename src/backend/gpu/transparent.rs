@@ -20,7 +20,7 @@ use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{JobPlace, dispatch, group_scale, view_offset};
 use super::layout::{
     CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
-    FLAG_LIT, FLAG_VOLUME, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights, rows,
+    FLAG_LIT, FLAG_VOLUME, LAST_SLAB, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
@@ -154,7 +154,7 @@ pub(in crate::backend) struct TransparentStep<'a> {
     place: JobPlace<'a>,
     group: &'a PosedGroup,
     programs: &'a TransparentPrograms,
-    /// Which surfels there are, as [`View::surfels`] has it.
+    /// Which surfels there are, in bits of [`View::flags`].
     surfels: u32,
     runs: Vec<Run<'a>>,
     /// Gaussians of all runs.
@@ -215,7 +215,7 @@ impl<'a> TransparentStep<'a> {
             entry_capacity: state.buffers.entries.min(u64::from(u32::MAX)) as u32,
             slots: self.slots,
             weight: self.group.samples[sample].weight,
-            surfels: self.surfels,
+            flags: self.surfels,
             opaque_scale: group_scale(self.group),
             ..View::of(frame, raster, self.group, &prepared.channels.shared)
         };
@@ -224,7 +224,7 @@ impl<'a> TransparentStep<'a> {
             first_place: first,
             slots: most.min(self.slots - first),
             resumes: u32::from(first > 0),
-            ends: u32::from(first.saturating_add(most) >= self.slots),
+            flags: all.flags | (u32::from(first.saturating_add(most) >= self.slots) * LAST_SLAB),
             ..all
         };
         // A group without Gaussians has a slab, too: its opaque picture goes to the film.

@@ -317,7 +317,7 @@ static MUTANTS: [Mutant; 48] = [
     ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
     ([("rim[i] = select(0.0, 1.0, uncovered)", "rim[i] = 0.0")], "supersample"),
     ([("covered = second < NONE", "covered = true")], "supersample"),
-    ([("Share(share, view.weight, layer == BAND)", "Share(share, view.weight, true)")], "supersample"),
+    ([("Share(share, weight, layer == BAND)", "Share(share, weight, true)")], "supersample"),
 ];
 
 #[test]

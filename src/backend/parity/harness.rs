@@ -96,7 +96,9 @@ impl<'a> Harness<'a> {
         let scope = context.scope(frame, position, group, whole(position));
         let twins = SplatTwins { scope, edge: TILE as usize };
         let mut harness = Self { gpu, frame, twins, prepared, programs, band, swept, batch: Batch::default() };
-        let mut batches = harness.gpu.state.upload(&harness.job(false));
+        let job = harness.job(false);
+        let mut batches = job.place.batches(&job);
+        harness.gpu.state.upload(&job, &batches);
         assert!(batches.len() <= 1, "one batch");
         harness.batch = batches.pop()?;
         Some(harness)
@@ -187,7 +189,7 @@ impl<'a> Harness<'a> {
     pub(super) fn run(&mut self, pass: Pass) {
         let on_map = self.swept.is_some() && matches!(pass, Pass::Project | Pass::Bin | Pass::Map(_));
         let job = self.job(on_map);
-        self.gpu.state.upload(&job);
+        self.gpu.state.upload(&job, &job.place.batches(&job));
         if let Some(interval) = &self.swept {
             self.write(&self.gpu.state.buffers.moments, &interval.moments);
         }

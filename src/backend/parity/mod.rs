@@ -4,8 +4,9 @@
 //! (`splats`, `sweeps`, `ewas`, `filtered_sweeps`). The CPU's passes run through the constructors that rendering uses
 //! (`splat_twins`, `sweep_twins`, `ewa_twins`). Splats and lists are compared slot by slot (`slots`), floats with
 //! tolerances (`compare`). See-through surfels, captures and volumes are compared as whole frames, and Gaussians by the
-//! pass that projects them (`transparents`). The comparison must reject broken programs (`mutants`), and buffers that
-//! are too small must not show (`small_buffers`).
+//! pass that projects them (`transparents`). What the groups of a position share is compared as whole frames, too
+//! (`shared_rest`). The comparison must reject broken programs (`mutants`). Buffers that are too small must not show
+//! (`small_buffers`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod captures;
@@ -17,6 +18,7 @@ mod filtered_sweeps;
 mod functions;
 mod harness;
 mod mutants;
+mod shared_rest;
 mod slots;
 mod small_buffers;
 mod sorts;

@@ -71,7 +71,7 @@ static MUTANTS: [Mutant; 56] = [
     ([("(rate.x - p.x * over * rate.z)", "(rate.x - p.x * over)")], "supersample"),
     ([("2.0 * nl * nv - lv", "2.0 * nl * nv + lv")], "supersample"),
     ([("2.0 * (length - 0.72)", "1.5 * (length - 0.72)")], "supersample"),
-    ([("first < NONE), view.weight", "first <= NONE), view.weight")], "supersample"),
+    ([("first < NONE), weight", "first <= NONE), weight")], "supersample"),
     ([("* min((*sum).sample_coverage, vec4<f32>(1.0))", "* (*sum).sample_coverage")], "bucket"),
     ([("Share(sums[sum_at + (SAMPLE_COVERAGE + 1u)", "Share(sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),
     (

@@ -3,6 +3,7 @@
 use super::cases;
 use super::filtered_sweeps;
 use super::gpu_or_skip;
+use super::shared_rest;
 use crate::backend::BackendError;
 use crate::backend::gpu::Gpu;
 use crate::film::Picture;
@@ -40,7 +41,8 @@ fn small_buffers_change_nothing() {
 /// The least memory with which a frame can be rendered, and half as much again, hold all that it takes.
 #[test]
 fn a_frame_takes_what_it_may_take() {
-    for mut case in cases::all().into_iter().chain(cases::swept()).chain(filtered_sweeps::filtered()) {
+    let all = cases::all().into_iter().chain(cases::swept()).chain(filtered_sweeps::filtered());
+    for mut case in all.chain(shared_rest::cases()) {
         (case.scene.image.width, case.scene.image.height) = (1600, 400);
         let mut frame = case.frame();
         let mut take = |memory: u64| {

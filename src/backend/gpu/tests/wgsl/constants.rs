@@ -24,8 +24,9 @@ use crate::backend::cpu::transparent::project::{
 };
 use crate::backend::cpu::values::{MOST_VARIANCE, OF_LONGER, TEXTURE_VARIANCE};
 use crate::backend::gpu::layout::{
-    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME,
-    OPAQUE_SURFELS, SEE_THROUGH_SURFELS, Status, TILE, WIDEST, WORKGROUP_ITEMS,
+    AMBIENT, DIGIT_BITS, DIRECTIONAL, FIRST_OF_POSITION, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT,
+    FLAG_VOLUME, KEEPS_SPLATS, LAST_SLAB, ONE_BATCH, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_REST, Status, TILE,
+    WIDEST, WORKGROUP_ITEMS,
 };
 use crate::backend::gpu::memory::MASKS;
 use crate::backend::gpu::programs::Program;
@@ -105,6 +106,11 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("ROUNDING", float(ROUNDING)),
         ("SECOND", whole(DepthLayer::Second as u32)),
         ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
+        ("LAST_SLAB", whole(LAST_SLAB)),
+        ("SHARES_REST", whole(SHARES_REST)),
+        ("FIRST_OF_POSITION", whole(FIRST_OF_POSITION)),
+        ("ONE_BATCH", whole(ONE_BATCH)),
+        ("KEEPS_SPLATS", whole(KEEPS_SPLATS)),
         // The bits of flags above all that kernels in motion have.
         ("SEGMENT_SHIFT", whole((FLAG_BACK | FLAG_LOW_PASS | FLAG_CROSSING).trailing_ones())),
         ("SLACK", float(SLACK)),
@@ -122,9 +128,11 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 10] = [
+const OF_DEVICE: [(&str, &str); 12] = [
     ("AT_ONCE", "how a workgroup shares its memory; the CPU reads discs one by one"),
     ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
+    ("KNOWN", "what is known of a tile at rest; the CPU has a film or none"),
+    ("RESTS", "the same"),
     ("MOST_LAYER", "the last float that a cast holds; casts saturate on the CPU"),
     ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),
     ("NO_LANDING", "the CPU has no branch that would need it: it lands all surfels of a vector"),
