@@ -230,7 +230,7 @@ fn factors(errors: &Errors, target: &ErrorTarget, flip: f64, samples: u32) -> Ve
     }
 }
 
-/// Sub-pixel positions of the first round, a multiple of four. On a CPU static objects are splatted once at each.
+/// Sub-pixel positions of the first round, a multiple of four. Static objects are splatted once at each.
 fn positions(target: &ErrorTarget) -> u32 {
     let finer = (ErrorTarget::GOOD / target.error).clamp(0.5, 4.0);
     ((f64::from(target.pixel_samples) * finer).round() as u32).next_multiple_of(4)

@@ -33,8 +33,8 @@ Modes: NAME[:COUNTS][+OPTION=VALUE]...
                               +white=W: the error also holds for the picture exposed so that light W is white (HDR)
   still:16                    no motion, P sub-pixel positions
   supersample:32              N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; without it
-                              they depend on the mode and on what rests). On a CPU what is at rest is
-                              splatted once at each.
+                              they depend on the mode and on what rests). What is at rest is splatted
+                              once at each.
   supersample:8+interleave=2  neighbouring pixels of a 2 x 2 (or 4 x 4) lattice see different times
   supersample:8+times=random  random times; or +times=stratified: one in each of N equal shares of the exposure
   bucket:8x4                  B buckets of N time samples; +interleave=S, +times=T, +pixel-samples=P

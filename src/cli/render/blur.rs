@@ -57,7 +57,7 @@ pub(in crate::cli) struct Blur {
     times: Option<Times>,
     /// Sub-pixel positions of mode still [default: 16], and of static objects in mode auto at the error `good`
     /// [default: 8]; else those of all time samples or buckets [default: one for each; fewer where objects at rest fill
-    /// a third of the image], or intervals [default: the pixel's middle]. Fewer are shared out; on a CPU what is at
+    /// a third of the image], or intervals [default: the pixel's middle]. Fewer are shared out; what is at
     /// rest is splatted once at each. With more, each time sample is rendered at several of them.
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
     pixel_samples: Option<u32>,

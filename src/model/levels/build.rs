@@ -2,16 +2,18 @@
 
 use std::ops::Range;
 
-use glam::{Mat3, UVec3, Vec3};
+use glam::{IVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
-use super::merge::{Disc, merge};
+use super::grid::Grid;
+use super::merge::{AGREE, Disc, merge};
+use super::rims::Occupied;
 use super::{CELLS, FEW, Levels, Node};
 use crate::model::order::{BITS, morton_codes};
 use crate::model::surfels::Surfels;
 
-/// Cosine of the greatest angle between fronts that are merged: thin sheets keep both sides.
-const AGREE: f32 = 0.5;
+/// Discs of a cell, in the mean, from which on a cell within a surface is hardly ever empty.
+const SEVERAL: usize = 2;
 
 /// A node before it has surfels.
 struct Draft {
@@ -20,20 +22,6 @@ struct Draft {
     children: Range<u32>,
     /// Its edge is 2 to this, in cells of the codes.
     bits: u32,
-}
-
-/// The cells of the codes in space.
-struct Grid {
-    corner: Vec3,
-    /// Edge of a cell.
-    edge: f32,
-}
-
-impl Grid {
-    /// Edge of the cells of a node whose edge is 2 to `bits`.
-    fn edge_of_cell(&self, bits: u32) -> f32 {
-        self.edge * (1_u32 << shift(bits)) as f32
-    }
 }
 
 /// The edge of a cell of a node whose edge is 2 to `bits` is 2 to this.
@@ -56,8 +44,9 @@ impl Levels {
             .position
             .iter()
             .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &place| [low.min(place), high.max(place)]);
-        let grid = Grid { corner: low, edge: (high - low).max_element() / ((1_u32 << BITS) - 1) as f32 };
+        let grid = Grid::new(low, (high - low).max_element() / ((1_u32 << BITS) - 1) as f32);
         let (drafts, depths) = drafts(&codes);
+        let occupied = occupied(surfels, &codes, &drafts, &grid);
         let mut nodes: Vec<Node> = Vec::with_capacity(drafts.len());
         let mut merged: Vec<Vec<Disc>> = Vec::new();
         nodes.resize(drafts.len(), Node::default());
@@ -81,7 +70,8 @@ impl Levels {
                             below.extend_from_slice(&merged[child]);
                         }
                     }
-                    let own = merge_cells(&below, draft.bits, &grid);
+                    let cells = occupied.partition_point(|cells| cells.shift < shift(draft.bits));
+                    let own = merge_cells(&below, draft.bits, &grid, &occupied[cells]);
                     (inner(draft, &nodes[children], &own, &grid), own)
                 })
                 .collect();
@@ -143,15 +133,38 @@ fn drafts(codes: &[u64]) -> (Vec<Draft>, Vec<Range<usize>>) {
     (drafts, depths)
 }
 
+/// The cells that hold discs, of rising sizes: those of all nodes, but where cells are so small that many are empty
+/// within a surface.
+fn occupied(surfels: &Surfels, codes: &[u64], drafts: &[Draft], grid: &Grid) -> Vec<Occupied> {
+    let mut shifts: Vec<u32> =
+        drafts.iter().filter(|draft| !draft.children.is_empty()).map(|draft| shift(draft.bits)).collect();
+    shifts.sort_unstable();
+    shifts.dedup();
+    let holds_several = |shift: &u32| {
+        let cells = codes.chunk_by(|a, b| a >> (3 * shift) == b >> (3 * shift)).count();
+        SEVERAL * cells <= codes.len()
+    };
+    let most = shifts.last().copied();
+    shifts.retain(|shift| Some(*shift) == most || holds_several(shift));
+    let mut occupied: Vec<Occupied> = Vec::new();
+    for shift in shifts {
+        let next = match occupied.last() {
+            Some(finer) => finer.coarser(shift),
+            None => Occupied::of(surfels, grid, shift),
+        };
+        occupied.push(next);
+    }
+    occupied
+}
+
 /// Merges discs with like fronts in the cells of a node whose edge is 2 to `bits`.
-fn merge_cells(below: &[Disc], bits: u32, grid: &Grid) -> Vec<Disc> {
-    let (shift, edge) = (shift(bits), grid.edge_of_cell(bits));
+fn merge_cells(below: &[Disc], bits: u32, grid: &Grid, occupied: &Occupied) -> Vec<Disc> {
+    let (shift, edge) = (shift(bits), grid.edge(shift(bits)));
     let cell = |disc: &Disc| {
-        let place = ((disc.position - grid.corner) / grid.edge.max(f32::MIN_POSITIVE)).as_uvec3();
-        let UVec3 { x, y, z } = place >> shift;
+        let IVec3 { x, y, z } = grid.place(disc.position, shift);
         [z, y, x]
     };
-    let mut order: Vec<([u32; 3], u32)> = below.iter().zip(0..).map(|(disc, i)| (cell(disc), i)).collect();
+    let mut order: Vec<([i32; 3], u32)> = below.iter().zip(0..).map(|(disc, i)| (cell(disc), i)).collect();
     order.sort_unstable();
     let mut own = Vec::new();
     for of_cell in order.chunk_by(|a, b| a.0 == b.0) {
@@ -167,7 +180,10 @@ fn merge_cells(below: &[Disc], bits: u32, grid: &Grid) -> Vec<Disc> {
                 None => groups.push((front * disc.area, vec![disc])),
             }
         }
-        own.extend(groups.iter().map(|(_, discs)| merge(discs, edge)));
+        own.extend(groups.iter().map(|(_, discs)| {
+            let disc = merge(discs, edge);
+            disc.beside(occupied.contrast(&disc, grid))
+        }));
     }
     own
 }
@@ -186,14 +202,18 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
     });
     let area: f32 = own.iter().map(|disc| disc.area).sum();
     let mean = |of: fn(&Disc) -> f32| own.iter().map(|disc| of(disc) * (disc.area / area)).sum::<f32>();
+    // Few of them may be where it shows.
+    let shown: f32 = own.iter().map(|disc| disc.contrast * disc.contrast).sum();
+    let where_shown = own.iter().map(|disc| disc.contrast * disc.contrast * disc.deviation).sum::<f32>()
+        / shown.max(f32::MIN_POSITIVE);
     let axis = own.iter().map(|disc| disc.front() * (disc.area / area)).sum::<Vec3>().normalize_or_zero();
     let changes: Mat3 = own.iter().map(|disc| disc.changes * (disc.area / area)).sum();
     let trace = changes.x_axis.x + changes.y_axis.y + changes.z_axis.z;
     Node {
         corners: [low, high],
         axis,
-        spacing: grid.edge_of_cell(draft.bits),
-        deviation: mean(|disc| disc.deviation).sqrt(),
+        spacing: grid.edge(shift(draft.bits)),
+        deviation: mean(|disc| disc.deviation).max(where_shown).sqrt(),
         rest: mean(Disc::rest).sqrt(),
         turns: mean(Disc::turns).sqrt(),
         along: if trace > 0.0 { changes * trace.recip() } else { Mat3::ZERO },

@@ -7,6 +7,8 @@ use glam::{Mat2, Mat3, Vec2, Vec3};
 use crate::math::srgb;
 use crate::model::surfels::{MIPMAP_LEVELS, Material, Surfels};
 
+/// Cosine of the greatest angle between fronts that are merged: thin sheets keep both sides.
+pub(super) const AGREE: f32 = 0.5;
 /// Directions in which the outline of a disc is held against those of the discs below it.
 const DIRECTIONS: usize = 8;
 /// Discs of its cell that each disc is compared with. Any number of discs may lie in one place.
@@ -27,14 +29,20 @@ pub(super) struct Disc {
     pub(super) material: Material,
     /// Sum of |u x v| of the discs of the model below it.
     pub(super) area: f32,
+    /// Mean radius of these.
+    pub(super) radius: f32,
     /// Mean of their colours as they are displayed.
     shown: Vec3,
     /// Mean square of these.
     squares: f32,
     /// Mean of their fronts: shorter the more these differ.
     front: Vec3,
-    /// Mean square of how far it lies from one of them or reaches over them.
+    /// Mean square of how far it lies from one of them, or reaches over them where that shows.
     pub(super) deviation: f32,
+    /// Mean square of how far it reaches over those of the level below.
+    over: f32,
+    /// What shows where it reaches over its neighbours, as a share of white.
+    pub(super) contrast: f32,
     /// Directions in which what it leaves out changes ([`changes`]), of all levels below together.
     pub(super) changes: Mat3,
 }
@@ -55,12 +63,20 @@ impl Disc {
             opacity: surfels.opacity.get(i).copied().unwrap_or(1.0),
             material: surfels.material.get(i).copied().unwrap_or_default(),
             area: cross.length().max(f32::MIN_POSITIVE),
+            radius: cross.length().sqrt(),
             shown,
             squares: shown.length_squared(),
             front: cross.normalize_or_zero(),
             deviation: 0.0,
+            over: 0.0,
+            contrast: 0.0,
             changes: Mat3::ZERO,
         }
+    }
+
+    /// The same disc, beside neighbours of such a contrast.
+    pub(super) fn beside(self, contrast: f32) -> Self {
+        Self { contrast, deviation: self.deviation + contrast * contrast * self.over, ..self }
     }
 
     /// The direction of its front, unit length.
@@ -174,10 +190,13 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
             shininess: coefficient(|of| of.shininess),
         },
         area,
+        radius: number(&|disc| disc.radius),
         shown,
         squares: number(&|disc| disc.squares),
         front,
-        deviation: off + over + gap * gap,
+        deviation: off + gap * gap,
+        over,
+        contrast: 0.0,
         changes,
     }
 }
@@ -216,6 +235,6 @@ fn gap(flats: impl Iterator<Item = Flat>, to: Vec2) -> f32 {
 }
 
 /// A colour as it is displayed: what eyes see of a difference.
-fn displayed(colour: Vec3) -> Vec3 {
+pub(super) fn displayed(colour: Vec3) -> Vec3 {
     colour.clamp(Vec3::ZERO, Vec3::ONE).map(srgb::from_linear_nearly)
 }

@@ -169,6 +169,12 @@ fn thin_sheets_keep_both_sides() {
             assert!((*colour - want).length() < 1e-6 && normal.z.abs() > 0.999, "{normal} {colour}");
         }
     }
+    // Nor do colours of the other side show beside a disc.
+    let within =
+        |node: &&Node| !node.is_leaf() && node.spacing < 3.0 && node.corners[0].x > 5.0 && node.corners[1].x < 58.0;
+    let within = levels.nodes.iter().filter(within).filter(|node| node.corners[0].y > 5.0 && node.corners[1].y < 56.0);
+    let most = within.map(|node| node.deviation / node.spacing).fold(f32::NAN, f32::max);
+    assert!(most < 1e-2, "{most}");
 }
 
 /// Stripes change across themselves, and noise in all directions of the plane.
@@ -189,6 +195,76 @@ fn a_node_knows_where_its_detail_changes() {
     let (rest, [x, y, _]) = plane(|x, y| (libm::sinf((x * 12 + y * 78) as f32) * 43_758.547).abs().fract());
     assert!(rest > 0.2 && (x - y).abs() < 0.2, "{rest} {x} {y}");
     assert_eq!(plane(|_, _| 0.5).0, 0.0);
+}
+
+/// Discs 1 apart on a square of 96 x 96, of a colour at each place.
+fn square(colour: fn(Vec3) -> f32) -> Surfels {
+    let mut model = of_fronts((0..96 * 96).map(|i| (Vec3::new((i % 96) as f32, (i / 96) as f32, 0.0), Vec3::Z, 1.2)));
+    for (own, place) in model.colour.iter_mut().zip(&model.position) {
+        *own = Vec3::splat(colour(*place));
+    }
+    model
+}
+
+/// The nodes with cells of about 3, each with the distance of its box from the edge of the square.
+fn deviations(model: &Surfels) -> Vec<(f32, Node)> {
+    let levels = tree(model);
+    let of = levels.nodes.iter().filter(|node| !node.is_leaf() && (2.5..3.5).contains(&node.spacing));
+    let nodes: Vec<(f32, Node)> = of
+        .map(|node| {
+            let [low, high] = node.corners;
+            (low.min(Vec3::splat(95.0) - high).truncate().min_element(), node.clone())
+        })
+        .collect();
+    assert!(nodes.len() >= 16, "{}", nodes.len());
+    nodes
+}
+
+/// Discs reach over those that they replace. That counts at the rim of a plane, and not within.
+#[test]
+fn reach_counts_where_a_surface_ends() {
+    for (inside, node) in deviations(&square(|_| 0.5)) {
+        let in_cells = node.deviation / node.spacing;
+        if inside < 1.0 {
+            assert!(in_cells > 0.01, "at the rim: {in_cells} {node:?}");
+        } else if inside > 6.0 {
+            assert!(in_cells < 1e-4, "within: {in_cells} {node:?}");
+        }
+    }
+    // A ball ends nowhere: what is left is how far flat discs lie from it, the height of an arc. Where it cuts off the
+    // corner of a cell, no disc may be in that.
+    let levels = tree(&ball(200_000));
+    let inner = || levels.nodes.iter().filter(|node| !node.is_leaf() && node.spacing < 0.2);
+    let ends = inner().filter(|node| node.deviation > 0.25 * node.spacing * node.spacing).count();
+    assert!(ends * 20 < inner().count(), "{ends} of {}", inner().count());
+}
+
+/// It counts where colours change, too, the less the less they do.
+#[test]
+fn reach_counts_where_a_colour_ends() {
+    let within = |colour| {
+        let nodes = deviations(&square(colour));
+        nodes.into_iter().filter(|(inside, _)| *inside > 6.0).map(|(_, node)| node.deviation).fold(0.0, f32::max)
+    };
+    let [black, grey, slow] = [
+        within(|place| if place.x < 48.0 { 0.0 } else { 1.0 }),
+        within(|place| if place.x < 48.0 { 0.4 } else { 0.5 }),
+        within(|place| 0.4 + 0.001 * place.x),
+    ];
+    assert!(black > 0.05 && grey < 0.2 * black && slow < 0.2 * grey, "{black} {grey} {slow}");
+}
+
+/// A box of squares ends at its edges, although another side begins there.
+#[test]
+fn a_sharp_edge_is_an_end() {
+    let side = |i: usize| ((i % 48) as f32 + 0.5, (i / 48) as f32 + 0.5);
+    let up = (0..48 * 48).map(|i| (Vec3::new(side(i).0, side(i).1, 0.0), Vec3::Z, 1.2));
+    let along = (0..48 * 48).map(|i| (Vec3::new(0.0, side(i).1, -side(i).0), Vec3::NEG_X, 1.2));
+    let levels = tree(&of_fronts(up.chain(along)));
+    let at_edge = |node: &&Node| !node.is_leaf() && node.spacing > 1.5 && node.corners[0].x < 0.1;
+    let nodes: Vec<&Node> = levels.nodes.iter().filter(at_edge).collect();
+    assert!(nodes.len() > 4);
+    assert!(nodes.iter().all(|node| node.deviation > 0.01 * node.spacing), "{nodes:?}");
 }
 
 #[test]
