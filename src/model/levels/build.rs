@@ -181,8 +181,9 @@ fn merge_cells(below: &[Disc], bits: u32, grid: &Grid, occupied: &Occupied) -> V
             }
         }
         own.extend(groups.iter().map(|(_, discs)| {
-            let disc = merge(discs, edge);
-            disc.beside(occupied.contrast(&disc, grid))
+            let mut disc = merge(discs, edge);
+            disc.contrast = occupied.contrast(&disc, grid);
+            disc
         }));
     }
     own
@@ -202,10 +203,10 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
     });
     let area: f32 = own.iter().map(|disc| disc.area).sum();
     let mean = |of: fn(&Disc) -> f32| own.iter().map(|disc| of(disc) * (disc.area / area)).sum::<f32>();
-    // Few of them may be where it shows.
-    let shown: f32 = own.iter().map(|disc| disc.contrast * disc.contrast).sum();
-    let where_shown = own.iter().map(|disc| disc.contrast * disc.contrast * disc.deviation).sum::<f32>()
-        / shown.max(f32::MIN_POSITIVE);
+    // Few of them may be where it shows how far they reach.
+    let weights = || own.iter().map(|disc| disc.contrast * disc.contrast);
+    let reach = own.iter().zip(weights()).map(|(disc, weight)| weight * disc.reach()).sum::<f32>()
+        / weights().sum::<f32>().max(f32::MIN_POSITIVE);
     let axis = own.iter().map(|disc| disc.front() * (disc.area / area)).sum::<Vec3>().normalize_or_zero();
     let changes: Mat3 = own.iter().map(|disc| disc.changes * (disc.area / area)).sum();
     let trace = changes.x_axis.x + changes.y_axis.y + changes.z_axis.z;
@@ -213,7 +214,7 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
         corners: [low, high],
         axis,
         spacing: grid.edge(shift(draft.bits)),
-        deviation: mean(|disc| disc.deviation).max(where_shown).sqrt(),
+        deviation: (mean(|disc| disc.deviation) + reach).sqrt(),
         rest: mean(Disc::rest).sqrt(),
         turns: mean(Disc::turns).sqrt(),
         along: if trace > 0.0 { changes * trace.recip() } else { Mat3::ZERO },

@@ -1,6 +1,6 @@
 //! One disc in place of several.
 
-use std::f32::consts::TAU;
+use std::f32::consts::FRAC_1_SQRT_2;
 
 use glam::{Mat2, Mat3, Vec2, Vec3};
 
@@ -9,8 +9,18 @@ use crate::model::surfels::{MIPMAP_LEVELS, Material, Surfels};
 
 /// Cosine of the greatest angle between fronts that are merged: thin sheets keep both sides.
 pub(super) const AGREE: f32 = 0.5;
-/// Directions in which the outline of a disc is held against those of the discs below it.
-const DIRECTIONS: usize = 8;
+/// Directions in which the outline of a disc is held against those of the discs below it, and what is beside it is
+/// looked at. They are written out, since sines of the platform's library are not the same everywhere.
+pub(super) const DIRECTIONS: [Vec2; 8] = [
+    Vec2::new(1.0, 0.0),
+    Vec2::new(FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+    Vec2::new(0.0, 1.0),
+    Vec2::new(-FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+    Vec2::new(-1.0, 0.0),
+    Vec2::new(-FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
+    Vec2::new(0.0, -1.0),
+    Vec2::new(FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
+];
 /// Discs of its cell that each disc is compared with. Any number of discs may lie in one place.
 const BESIDE: usize = 16;
 /// Least semi-axis of a merged disc, in edges of its cell: discs about the middles of cells cover their corners.
@@ -29,7 +39,7 @@ pub(super) struct Disc {
     pub(super) material: Material,
     /// Sum of |u x v| of the discs of the model below it.
     pub(super) area: f32,
-    /// Mean radius of these.
+    /// Mean of their longer axes.
     pub(super) radius: f32,
     /// Mean of their colours as they are displayed.
     shown: Vec3,
@@ -37,7 +47,7 @@ pub(super) struct Disc {
     squares: f32,
     /// Mean of their fronts: shorter the more these differ.
     front: Vec3,
-    /// Mean square of how far it lies from one of them, or reaches over them where that shows.
+    /// Mean square of how far it lies from one of them, or those below reach over others where that shows.
     pub(super) deviation: f32,
     /// Mean square of how far it reaches over those of the level below.
     over: f32,
@@ -63,7 +73,7 @@ impl Disc {
             opacity: surfels.opacity.get(i).copied().unwrap_or(1.0),
             material: surfels.material.get(i).copied().unwrap_or_default(),
             area: cross.length().max(f32::MIN_POSITIVE),
-            radius: cross.length().sqrt(),
+            radius: axis_u.length().max(axis_v.length()),
             shown,
             squares: shown.length_squared(),
             front: cross.normalize_or_zero(),
@@ -74,9 +84,9 @@ impl Disc {
         }
     }
 
-    /// The same disc, beside neighbours of such a contrast.
-    pub(super) fn beside(self, contrast: f32) -> Self {
-        Self { contrast, deviation: self.deviation + contrast * contrast * self.over, ..self }
+    /// The mean square of how far it reaches over those below, as far as that shows.
+    pub(super) fn reach(&self) -> f32 {
+        self.contrast * self.contrast * self.over
     }
 
     /// The direction of its front, unit length.
@@ -143,7 +153,8 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
             [xx + weight * of.x * of.x, xy + weight * of.x * of.y, yy + weight * of.y * of.y]
         })
     });
-    let along = Vec2::from_angle(0.5 * libm::atan2f(2.0 * xy, xx - yy));
+    let angle = 0.5 * libm::atan2f(2.0 * xy, xx - yy);
+    let along = Vec2::new(libm::cosf(angle), libm::sinf(angle));
     let turn = Mat2::from_cols(along, along.perp()).transpose();
     let flats = || {
         discs.iter().map(|disc| Flat {
@@ -156,8 +167,7 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
         half.max(place.abs() + (u * u + v * v).map(f32::sqrt))
     });
     let holding = half * flats().map(|flat| flat.held_by(half)).fold(0.0, f32::max);
-    let directions: [Vec2; DIRECTIONS] =
-        std::array::from_fn(|i| Vec2::from_angle(i as f32 * (TAU / DIRECTIONS as f32)));
+    let directions = DIRECTIONS;
     let held = directions.map(|to| flats().map(|flat| flat.reach(to)).fold(f32::NEG_INFINITY, f32::max));
     let reach = |semi: Vec2| directions.map(|to| (to * semi).length());
     let as_far = held.iter().sum::<f32>() / reach(half).iter().sum::<f32>();
@@ -166,10 +176,11 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
     let (axis_u, axis_v) = (in_space(along) * semi.x, in_space(along.perp()) * semi.y);
     let off = number(&|disc| {
         let [u, v] = [disc.axis_u.dot(towards), disc.axis_v.dot(towards)];
-        disc.deviation + (disc.position - position).dot(towards).powi(2) + 0.5 * (u * u + v * v)
+        disc.deviation + disc.reach() + (disc.position - position).dot(towards).powi(2) + 0.5 * (u * u + v * v)
     });
-    let over = reach(semi).iter().zip(held).map(|(own, held)| (own - held).powi(2)).sum::<f32>() / DIRECTIONS as f32;
-    let gap = directions[..DIRECTIONS / 2].iter().map(|to| gap(flats(), *to)).fold(0.0, f32::max);
+    let over =
+        reach(semi).iter().zip(held).map(|(own, held)| (own - held).powi(2)).sum::<f32>() / DIRECTIONS.len() as f32;
+    let gap = directions[..DIRECTIONS.len() / 2].iter().map(|to| gap(flats(), *to)).fold(0.0, f32::max);
     let (shown, front) = (mean(&|disc| disc.shown), mean(&|disc| disc.front));
     let below: Mat3 = discs.iter().map(|disc| disc.changes * (disc.area / area)).sum();
     let changes = below + changes(discs, area, edge);

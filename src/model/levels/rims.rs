@@ -4,29 +4,27 @@
 //! there; at a rim it moves an outline.
 
 use std::collections::HashMap;
-use std::f32::consts::TAU;
-use std::hash::{BuildHasherDefault, Hasher};
 use std::ops::Range;
 
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::grid::Grid;
-use super::merge::{AGREE, Disc, displayed};
+use super::merge::{AGREE, DIRECTIONS, Disc, displayed};
+use crate::model::order::BITS;
 use crate::model::surfels::Surfels;
 
-/// Distances from the middle of a disc at one of which its surface must go on, in edges of a cell: two points so far
-/// apart along a plane share no cell.
-const AWAY: [f32; 2] = [1.5, 2.25];
-/// Share of the semi-axes of a disc of the model within which it holds cells.
-const COVERED: f32 = 0.7;
-/// Directions in which it must.
-const DIRECTIONS: usize = 8;
+/// Distances from the middle of a disc at one of which its surface must go on in each direction, in edges of a cell:
+/// two points so far apart share no cell.
+const AWAY: [f32; 2] = [1.75, 2.5];
 /// How far off its plane it may, in edges of a cell.
 const OFF: [f32; 3] = [0.0, 0.75, -0.75];
+/// Share of the semi-axes of a disc of the model within which it holds cells.
+const COVERED: f32 = 0.7;
 
-/// Discs whose cells are found together.
+/// Discs whose cells are found by one thread, and parts of them that are held at once.
 const PART: usize = 1 << 14;
+const AT_ONCE: usize = 16;
 
 /// Cells of one size that hold discs of a model, with the fronts of these.
 #[derive(Debug, Default)]
@@ -35,7 +33,7 @@ pub(super) struct Occupied {
     pub(super) shift: u32,
     cells: Vec<Cell>,
     /// Index in `cells` by place.
-    index: HashMap<u64, u32, BuildHasherDefault<Mixer>>,
+    index: HashMap<u64, u32>,
 }
 
 /// A cell that holds discs.
@@ -46,19 +44,27 @@ struct Cell {
     sides: [Side; 2],
 }
 
-/// Sums over discs with like fronts.
+/// Discs with like fronts.
 #[derive(Clone, Copy, Debug, Default)]
 struct Side {
+    /// Sum of their fronts.
     front: Vec3,
-    /// Colours as they are displayed.
+    /// Sum of their colours, weighted by their areas.
+    colour: Vec3,
+    area: f32,
+    /// Mean of their colours, as it is displayed.
     shown: Vec3,
-    discs: f32,
 }
 
 impl Side {
+    fn is_empty(&self) -> bool {
+        self.front == Vec3::ZERO
+    }
+
     /// Do discs of these fronts lie on one side?
     fn agrees(&self, front: Vec3) -> bool {
-        self.discs > 0.0 && self.front.dot(front) >= AGREE * self.front.length() * front.length()
+        let dot = self.front.dot(front);
+        dot > 0.0 && dot >= AGREE * self.front.length() * front.length()
     }
 }
 
@@ -68,20 +74,26 @@ impl Occupied {
         // Parts of a length of their own: sums do not depend on the number of threads.
         let parts: Vec<Range<usize>> =
             (0..surfels.len()).step_by(PART).map(|first| first..(first + PART).min(surfels.len())).collect();
-        let parts: Vec<Self> = parts.into_par_iter().map(|part| Self::of_part(surfels, part, grid, shift)).collect();
         let mut all = Self { shift, ..Self::default() };
-        for part in &parts {
-            all.add_all(part, 0);
+        for parts in parts.chunks(AT_ONCE) {
+            let parts = parts.par_iter().map(|part| Self::of_part(surfels, part.clone(), grid, shift));
+            for part in &parts.collect::<Vec<_>>() {
+                all.add_all(part, 0);
+            }
         }
-        all
+        all.displayed()
     }
 
     fn of_part(surfels: &Surfels, part: Range<usize>, grid: &Grid, shift: u32) -> Self {
         let mut occupied = Self { shift, ..Self::default() };
         for i in part {
             let (position, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
-            let front = u.cross(v).normalize_or_zero();
-            let side = Side { front, shown: displayed(surfels.colour[i]), discs: 1.0 };
+            let cross = u.cross(v);
+            let (front, area) = (cross.normalize_or_zero(), cross.length());
+            if front == Vec3::ZERO || !area.is_finite() {
+                continue;
+            }
+            let side = Side { front, colour: surfels.colour[i] * area, area, ..Side::default() };
             let own = grid.place(position, shift);
             occupied.add(own, side);
             for to in [u, -u, v, -v] {
@@ -98,22 +110,31 @@ impl Occupied {
     pub(super) fn coarser(&self, shift: u32) -> Self {
         let mut coarse = Self { shift, ..Self::default() };
         coarse.add_all(self, shift - self.shift);
-        coarse
+        coarse.displayed()
     }
 
     /// Adds all that `other` holds, whose cells are 2 to `by` times smaller.
     fn add_all(&mut self, other: &Self, by: u32) {
         for cell in &other.cells {
-            cell.sides.iter().filter(|side| side.discs > 0.0).for_each(|&side| self.add(cell.place >> by, side));
+            cell.sides.iter().filter(|side| !side.is_empty()).for_each(|&side| self.add(cell.place >> by, side));
         }
     }
 
+    /// The same, with what is displayed of each side.
+    fn displayed(mut self) -> Self {
+        for side in self.cells.iter_mut().flat_map(|cell| &mut cell.sides) {
+            side.shown = displayed(side.colour / side.area);
+        }
+        self
+    }
+
     fn add(&mut self, place: IVec3, of: Side) {
+        let Some(key) = key(place) else { return };
         // Most often it is the cell of the disc before.
         let cell = match self.cells.last_mut() {
             Some(last) if last.place == place => last,
             _ => {
-                let at = *self.index.entry(key(place)).or_insert(self.cells.len() as u32) as usize;
+                let at = *self.index.entry(key).or_insert(self.cells.len() as u32) as usize;
                 if at == self.cells.len() {
                     self.cells.push(Cell { place, sides: [Side::default(); 2] });
                 }
@@ -121,10 +142,11 @@ impl Occupied {
             }
         };
         let [one, other] = &mut cell.sides;
-        let side = if one.discs == 0.0 || one.agrees(of.front) { one } else { other };
+        // What belongs to a third side is left out: there the surface seems to end.
+        let Some(side) = [one, other].into_iter().find(|side| side.is_empty() || side.agrees(of.front)) else { return };
         side.front += of.front;
-        side.shown += of.shown;
-        side.discs += of.discs;
+        side.colour += of.colour;
+        side.area += of.area;
     }
 
     /// What shows where a disc of a cell of this size reaches over its neighbours: 1 where its surface ends, else how
@@ -138,50 +160,29 @@ impl Occupied {
         let (right, up) = front.any_orthonormal_pair();
         let own = displayed(disc.colour);
         let mut contrast: f32 = 0.0;
-        for i in 0..DIRECTIONS {
-            let (sin, cos) = (i as f32 * (TAU / DIRECTIONS as f32)).sin_cos();
-            let towards = right * cos + up * sin;
+        for to in DIRECTIONS {
+            let towards = right * to.x + up * to.y;
             let places = AWAY.iter().flat_map(|away| OFF.iter().map(move |off| (away, off)));
             let side = places.into_iter().find_map(|(away, off)| {
                 let beside = disc.position + towards * (away * edge + COVERED * disc.radius) + front * (off * edge);
                 self.side(grid.place(beside, self.shift), front)
             });
             let Some(side) = side else { return 1.0 };
-            contrast = contrast.max((side.shown / side.discs - own).length_squared() / 3.0);
+            contrast = contrast.max((side.shown - own).length_squared() / 3.0);
         }
         contrast.sqrt().min(1.0)
     }
 
     /// The discs of a cell on the side of a front.
     fn side(&self, place: IVec3, front: Vec3) -> Option<&Side> {
-        let cell = self.index.get(&key(place)).map(|&at| &self.cells[at as usize])?;
+        let cell = &self.cells[*self.index.get(&key(place)?)? as usize];
         cell.sides.iter().find(|side| side.agrees(front))
     }
 }
 
-/// A number of its own for each place of 21 bits an axis, and for those beside them.
-fn key(place: IVec3) -> u64 {
-    let bits = |number: i32| u64::from(number as u32) & ((1 << 21) - 1);
-    bits(place.x) << 42 | bits(place.y) << 21 | bits(place.z)
-}
-
-/// A hash for places: the standard one took a quarter of the build.
-#[derive(Clone, Copy, Debug, Default)]
-struct Mixer(u64);
-
-impl Hasher for Mixer {
-    fn write(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.write_u64(byte.into());
-        }
-    }
-
-    fn write_u64(&mut self, number: u64) {
-        let mixed = (self.0 ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        self.0 = mixed ^ (mixed >> 32);
-    }
-
-    fn finish(&self) -> u64 {
-        self.0
-    }
+/// A number of its own for each place within the model; `None` outside.
+fn key(place: IVec3) -> Option<u64> {
+    let inside = place.cmpge(IVec3::ZERO).all() && place.cmplt(IVec3::splat(1 << BITS)).all();
+    let [x, y, z] = place.to_array().map(|number| u64::from(number as u32));
+    inside.then_some(x << (2 * BITS) | y << BITS | z)
 }
