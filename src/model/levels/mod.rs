@@ -44,8 +44,8 @@ pub(crate) struct Node {
     pub(crate) axis: Vec3,
     /// Edge of its cells, which is the distance of its surfels, model units. 0 without children.
     pub(crate) spacing: f32,
-    /// How far its surfels lie from those below them, or reach over them where that shows, model units (root mean
-    /// square, of those where it shows if that is more). 0 without children.
+    /// How far its surfels lie from those below them, and reach over them where that shows, model units (root of the
+    /// sum of both mean squares). 0 without children.
     pub(crate) deviation: f32,
     /// What its surfels leave out of the colours below, as a share of white as it is displayed (root mean square). 0
     /// without children.

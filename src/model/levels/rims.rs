@@ -22,8 +22,9 @@ const OFF: [f32; 3] = [0.0, 0.75, -0.75];
 /// Share of the semi-axes of a disc of the model within which it holds cells.
 const COVERED: f32 = 0.7;
 
-/// Discs whose cells are found by one thread, and parts of them that are held at once.
+/// Discs whose cells are found by one thread.
 const PART: usize = 1 << 14;
+/// Parts of so many discs whose cells are held at once.
 const AT_ONCE: usize = 16;
 
 /// Cells of one size that hold discs of a model, with the fronts of these.
