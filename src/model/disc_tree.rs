@@ -47,7 +47,7 @@ struct Item {
 ///
 /// Each part is halved at its median along the axis on which it is longest. Size is one of the axes, so huge discs
 /// among small ones get parts of their own. Ties are broken by index, so the order depends only on the discs.
-pub(super) fn order(centre: &[Vec3], reach: &[f32]) -> Vec<u32> {
+pub(crate) fn order(centre: &[Vec3], reach: &[f32]) -> Vec<u32> {
     let mut items: Vec<Item> =
         (0..).zip(centre).zip(reach).map(|((index, &centre), &reach)| Item { centre, reach, index }).collect();
     sort(&mut items);

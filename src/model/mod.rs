@@ -14,7 +14,7 @@ mod capture;
 mod cloud;
 mod columns;
 mod complete;
-mod disc_tree;
+pub(crate) mod disc_tree;
 mod error;
 mod flaw;
 mod format;

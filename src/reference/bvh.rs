@@ -11,6 +11,7 @@ use glam::{DVec3, Vec3, Vec3A};
 use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
@@ -23,6 +24,9 @@ pub(super) const WIDTH: usize = 8;
 
 /// Most surfels or triangles of a leaf. Four f64 fill a vector register.
 pub(super) const LANES: usize = 4;
+
+/// Most boxes that are clustered at once.
+const PART: usize = 512;
 
 /// Bit of a child's number that marks a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
@@ -171,13 +175,7 @@ impl<'a> Bvh<'a> {
             })
             .collect();
         drop(exact);
-        let tree = PlocBuilder::with_capacity(boxes.len()).build(
-            PlocSearchDistance::Low,
-            &boxes,
-            (0..boxes.len() as u32).collect(),
-            SortPrecision::U64,
-            2,
-        );
+        let tree = binary_tree(&boxes);
         let mut collapse =
             Collapse { tree: &tree, index: &index, elements, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
         collapse.run();
@@ -210,6 +208,59 @@ fn swept(surfels: &Surfels, paths: &Paths<'_>, i: usize, range: [f64; 2]) -> (Ve
     let slack = 1.0 + f32::EPSILON;
     let (middle, reach) = (around.centre().as_vec3(), (0.5 * around.size()).as_vec3() * slack + half_size * slack);
     (middle - reach, middle + reach)
+}
+
+/// The binary tree of boxes, with one box in each leaf.
+///
+/// Clustering merges neighbours that are each other's nearest. Where many boxes are alike there is one such pair in a
+/// round, so the time is the square of their number. Parts of [`PART`] boxes are therefore clustered by themselves, and
+/// then the boxes of the parts.
+fn binary_tree(boxes: &[Element]) -> Bvh2 {
+    let cluster = |boxes: &[Aabb]| {
+        let all = (0..boxes.len() as u32).collect();
+        PlocBuilder::with_capacity(boxes.len()).build(PlocSearchDistance::Low, boxes, all, SortPrecision::U64, 2)
+    };
+    let order = if boxes.len() > PART {
+        let centre: Vec<Vec3> = boxes.par_iter().map(|b| Vec3::from(0.5 * (b.low + b.high))).collect();
+        let reach: Vec<f32> = boxes.par_iter().map(|b| 0.5 * (b.high - b.low).length()).collect();
+        crate::model::disc_tree::order(&centre, &reach)
+    } else {
+        (0..boxes.len() as u32).collect()
+    };
+    let parts: Vec<Bvh2> = order
+        .par_chunks(PART)
+        .map(|part| cluster(&part.iter().map(|&i| boxes[i as usize].aabb()).collect::<Vec<_>>()))
+        .collect();
+    let mut tree = cluster(&parts.iter().map(|part| *part.nodes[0].aabb()).collect::<Vec<_>>());
+    let top = tree.nodes.len();
+    let mut first = vec![0_u32; parts.len()];
+    for (part, first) in parts.iter().zip(&mut first) {
+        // The root of a part takes the place of its leaf, so the part's nodes follow from the second one on.
+        *first = tree.nodes.len() as u32 - 1;
+        tree.nodes.extend_from_slice(&part.nodes[1..]);
+    }
+    let at = |node: &Bvh2Node, part: usize| {
+        let from = if node.is_leaf() { (part * PART) as u32 } else { first[part] };
+        Bvh2Node::new(*node.aabb(), node.prim_count, from + node.first_index)
+    };
+    for i in 0..top {
+        if tree.nodes[i].is_leaf() {
+            let part = tree.primitive_indices[tree.nodes[i].first_index as usize] as usize;
+            tree.nodes[i] = at(&parts[part].nodes[0], part);
+        }
+    }
+    for (part, of) in parts.iter().enumerate() {
+        let nodes = &mut tree.nodes[first[part] as usize + 1..][..of.nodes.len() - 1];
+        for node in nodes {
+            *node = at(node, part);
+        }
+    }
+    let own = parts.iter().enumerate();
+    tree.primitive_indices = own
+        .flat_map(|(part, of)| of.primitive_indices.iter().map(move |&i| (part, i)))
+        .map(|(part, i)| order[part * PART + i as usize])
+        .collect();
+    tree
 }
 
 /// Number of elements below each node of the binary tree.
@@ -346,9 +397,9 @@ mod tests {
     /// Every surfel is in one leaf, and every box holds what is below it.
     #[test]
     fn boxes_hold_their_surfels() {
-        for n in [0, 1, 2, 8, 9, 1000] {
+        for n in [0, 1, 2, 8, 9, 1000, 5000] {
             let mut surfels = cloud(n);
-            if n == 1000 {
+            if n >= 1000 {
                 // Many surfels lie in one place, and one is not finite.
                 surfels.position[10..200].fill(Vec3::ONE);
                 surfels.position[500].x = f32::NAN;
@@ -380,6 +431,29 @@ mod tests {
             for (i, &count) in seen.iter().enumerate() {
                 assert_eq!(count, i32::from(surfels.position[i].is_finite()), "surfel {i} of {n}");
             }
+        }
+    }
+
+    /// Boxes in one place, all alike or each a little larger, make no chain. Measured: 3000 deep where they are
+    /// clustered all at once, which takes hours for a million.
+    #[test]
+    fn boxes_that_are_alike_make_no_chain() {
+        for growth in [0.0, 1e-6] {
+            let size = |i: u32| Vec3A::splat(0.1 * (1.0 + growth * i as f32));
+            let boxes: Vec<Element> = (0..3000).map(|i| Element { low: -size(i), high: size(i) }).collect();
+            let tree = binary_tree(&boxes);
+            let (mut work, mut deepest, mut leaves) = (vec![(0_usize, 0_usize)], 0, 0);
+            while let Some((at, depth)) = work.pop() {
+                deepest = deepest.max(depth);
+                let node = &tree.nodes[at];
+                if node.is_leaf() {
+                    leaves += 1;
+                } else {
+                    work.extend([0, 1].map(|i| (node.first_index as usize + i, depth + 1)));
+                }
+            }
+            assert_eq!(leaves, boxes.len());
+            assert!(deepest <= 600, "{deepest} deep");
         }
     }
 }
