@@ -1,7 +1,7 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
 //! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [kind=plain|hard|captures]
-//! [list=yes] [truth=reference]`
+//! [list=yes] [truth=reference] [detail=full]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
 //! share of scenes without a block beyond 1.1 E, and the samples of a pixel. The truth is supersampling with 768
@@ -16,7 +16,7 @@ use splatblur::backend::Achieved;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{encode, gamma_rmse};
 use splatblur::film::{Aov, Picture};
-use splatblur::options::{ErrorTarget, Look, Prefilter, Quality, RenderOptions};
+use splatblur::options::{Detail, ErrorTarget, Look, Prefilter, Quality, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -40,10 +40,11 @@ struct Seen {
 }
 
 fn main() {
-    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "kind", "list", "truth"]);
+    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "kind", "list", "truth", "detail"]);
     let number = |key: &str, default: u64| asked.value(key).map_or(default, |text| text.parse().unwrap());
     let (seed, scenes) = (number("seed", 1), number("scenes", 200));
     let prefilter: Prefilter = asked.value("prefilter").map_or_else(Prefilter::default, |text| text.parse().unwrap());
+    let detail: Detail = asked.value("detail").map_or_else(Detail::default, |text| text.parse().unwrap());
     let of_kind = match asked.value("kind").unwrap_or("hard") {
         "plain" => random,
         "captures" => random_with_captures,
@@ -54,7 +55,7 @@ fn main() {
     let mut seen: [Vec<Seen>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     for index in 0..scenes {
         let scene = of_kind(&models, seed, index);
-        let options = RenderOptions { prefilter, ..RenderOptions::default() };
+        let options = RenderOptions { prefilter, detail, ..RenderOptions::default() };
         let truths = if asked.value("truth") == Some("reference") {
             [1, 2].map(|seed| traced(&scene, seed)).to_vec()
         } else {
@@ -84,7 +85,7 @@ fn main() {
             seen.push(of_scene);
         }
     }
-    println!("seed {seed}, {scenes} scenes, prefilter {prefilter}");
+    println!("seed {seed}, {scenes} scenes, prefilter {prefilter}, detail {detail}");
     println!(
         "| E | stated >= true | median of stated/true | no block over 1.1 E | worst block / E | samples | splats |"
     );

@@ -10,7 +10,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::image::{self, Format};
 use splatblur::model::{Material, Surfels};
-use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, RenderOptions, Shading, Times};
+use splatblur::options::{BlurMode, Detail, Interleave, Look, PixelFilter, RenderOptions, Shading, Times};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Motion, Object, Scene};
@@ -145,7 +145,8 @@ pub fn converged(scene: &Scene, frame: i64, options: &RenderOptions, kind: &str)
             times: Times::Even,
         };
         let quality = quality.into();
-        let options = RenderOptions { quality, look: Look { seed: 77, ..options.look.clone() }, ..options.clone() };
+        let look = Look { seed: 77, ..options.look.clone() };
+        let options = RenderOptions { quality, look, detail: Detail::Full, ..options.clone() };
         render_frame(&mut Cpu::default(), scene, frame, &options).expect("the frame fits").picture
     })
 }

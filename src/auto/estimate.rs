@@ -10,7 +10,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::half_buffers::HalfBuffers;
-use crate::film::{Backdrop, Picture, over};
+use crate::film::{Backdrop, Background, Picture, over};
+use crate::frame::Panorama;
 use crate::math::{fast, srgb};
 use crate::options::{Interleave, PixelFilter};
 
@@ -60,6 +61,8 @@ const PARTS: usize = 2;
 pub(super) struct BlockError {
     /// Half difference: mean over pixels and channels.
     half: f64,
+    /// What differs more where each half is over its own part of what is behind. No finer round changes that.
+    behind: f64,
     /// What shows of g (E - O) / 2 ([`stripes`]), after what the eye blurs: the mean over the parts, and a share of the
     /// worst of them; times the gain.
     seen: f64,
@@ -77,6 +80,7 @@ impl BlockError {
     fn worse(self, other: Self) -> Self {
         Self {
             half: self.half.max(other.half),
+            behind: self.behind.max(other.behind),
             seen: self.seen.max(other.seen),
             reaches: [0, 1, 2, 3].map(|side: usize| self.reaches[side] || other.reaches[side]),
             sliver: [0, 1, 2, 3].map(|side: usize| self.sliver[side] && other.sliver[side]),
@@ -84,9 +88,14 @@ impl BlockError {
         }
     }
 
-    /// Estimated error: root mean square of display values.
+    /// Estimated error: root mean square of display values. It leaves out the error of what is behind.
     pub(super) fn error(&self) -> f64 {
         self.gain * self.half.sqrt()
+    }
+
+    /// The same with what is behind.
+    pub(super) fn stated(&self) -> f64 {
+        self.gain * (self.half + self.behind).sqrt()
     }
 
     /// Estimated FLIP.
@@ -102,6 +111,26 @@ impl BlockError {
     }
 }
 
+/// The light behind the film.
+pub(super) struct Behind {
+    /// Over the whole exposure.
+    pub all: Backdrop,
+    /// Over each half of the times at which a camera in motion sees it; `None` where it stays the same.
+    pub halves: Option<[Backdrop; 2]>,
+}
+
+impl Behind {
+    pub(super) fn new(background: Background, panorama: Option<&Panorama>) -> Self {
+        let over = |picture: Vec<[f32; 3]>| Backdrop { background, picture: Some(picture) };
+        let Some(panorama) = panorama else { return Self { all: Backdrop::plain(background), halves: None } };
+        let Some([even, odd]) = panorama.halves() else {
+            return Self { all: over(panorama.picture()), halves: None };
+        };
+        let mean = even.iter().zip(&odd).map(|(a, b)| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c]))).collect();
+        Self { all: over(mean), halves: Some([over(even), over(odd)]) }
+    }
+}
+
 /// Errors of an image, by blocks.
 pub(super) struct Errors<'a> {
     /// Blocks in a row.
@@ -109,7 +138,7 @@ pub(super) struct Errors<'a> {
     /// Row by row.
     pub blocks: Vec<BlockError>,
     edge: usize,
-    backdrop: &'a Backdrop,
+    behind: &'a Behind,
     /// Gain of blocks that were not refined.
     gain: f64,
     seen_gain: f64,
@@ -123,7 +152,7 @@ impl<'a> Errors<'a> {
     pub(super) fn new(
         [width, height]: [u32; 2],
         edge: usize,
-        backdrop: &'a Backdrop,
+        behind: &'a Behind,
         interleave: Interleave,
         step: f64,
         filter: PixelFilter,
@@ -143,7 +172,7 @@ impl<'a> Errors<'a> {
         let blocks = vec![BlockError::default(); width * height];
         let mut exposures = vec![1.0, (1.0 / white) as f32];
         exposures.dedup();
-        Self { width, blocks, edge, backdrop, gain, seen_gain, exposures }
+        Self { width, blocks, edge, behind, gain, seen_gain, exposures }
     }
 
     /// The blocks that touch block `i`, and itself.
@@ -176,7 +205,7 @@ impl<'a> Errors<'a> {
     /// Root of the estimated mean square error over the image.
     pub(super) fn root_mean(&self) -> f64 {
         let pixels: f64 = self.blocks.iter().map(|block| f64::from(block.pixels)).sum();
-        let sum: f64 = self.blocks.iter().map(|block| block.error().powi(2) * f64::from(block.pixels)).sum();
+        let sum: f64 = self.blocks.iter().map(|block| block.stated().powi(2) * f64::from(block.pixels)).sum();
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
@@ -185,13 +214,22 @@ impl<'a> Errors<'a> {
         let [even, odd] = buffers.pictures();
         let width = even.width as usize;
         for (n, exposure) in self.exposures.clone().into_iter().enumerate() {
-            let difference = differences(even, odd, self.backdrop, self.edge, exposure, |_| true);
+            let difference = differences([even, odd], [&self.behind.all; 2], self.edge, exposure, |_| true);
             let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
             let seen = self.seen(&difference, width);
-            for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
-                let [reaches, sliver] = borders(&difference, width, self.edge, i, self.width);
-                let half = half / divisor(pixels);
-                let measured = BlockError { half, seen, pixels, gain: self.gain, reaches, sliver };
+            let borders: Vec<[[bool; 4]; 2]> = (0..self.blocks.len())
+                .into_par_iter()
+                .map(|i| borders(&difference, width, self.edge, i, self.width))
+                .collect();
+            let over_own = self.behind.halves.as_ref().map(|[a, b]| {
+                let difference = differences([even, odd], [a, b], self.edge, exposure, |_| true);
+                block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()))
+            });
+            let of_block = halves.into_iter().zip(seen).zip(borders).enumerate();
+            for (i, (((sum, pixels), seen), [reaches, sliver])) in of_block {
+                let half = sum / divisor(pixels);
+                let behind = over_own.as_ref().map_or(0.0, |own| (own[i].0 - sum).max(0.0) / divisor(pixels));
+                let measured = BlockError { half, behind, seen, pixels, gain: self.gain, reaches, sliver };
                 self.blocks[i] = if n == 0 { measured } else { self.blocks[i].worse(measured) };
             }
         }
@@ -203,7 +241,7 @@ impl<'a> Errors<'a> {
         let [even, odd] = buffers.pictures();
         let is_fresh = |block: usize| finer[block] > 1;
         for (n, exposure) in self.exposures.clone().into_iter().enumerate() {
-            let difference = differences(even, odd, self.backdrop, self.edge, exposure, is_fresh);
+            let difference = differences([even, odd], [&self.behind.all; 2], self.edge, exposure, is_fresh);
             let halves = block_sums(even.width as usize, self.edge, &difference, |d| f64::from(d.length_squared()));
             for (i, (half, pixels)) in halves.into_iter().enumerate().filter(|(i, _)| is_fresh(*i)) {
                 let before = if n == 0 { 0.0 } else { self.blocks[i].half };
@@ -327,24 +365,26 @@ fn divisor(pixels: u32) -> f64 {
 /// Difference of the display values of each pixel in the wanted blocks of `edge` pixels; 0 in the others. `exposure`: a
 /// factor on light.
 fn differences(
-    a: &Picture,
-    b: &Picture,
-    backdrop: &Backdrop,
+    [a, b]: [&Picture; 2],
+    backdrops: [&Backdrop; 2],
     edge: usize,
     exposure: f32,
     wanted: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Vec3> {
     let width = a.width as usize;
-    let mut out = vec![Vec3::ZERO; a.rgba.len()];
+    let mut out = zeros(a.rgba.len());
+    let same = std::ptr::eq(backdrops[0], backdrops[1]);
     let rows = out.par_chunks_mut(width).zip(a.rgba.par_chunks(width)).zip(b.rgba.par_chunks(width)).enumerate();
     rows.for_each(|(y, ((out, a), b))| {
         let parts = out.chunks_mut(edge).zip(a.chunks(edge)).zip(b.chunks(edge)).enumerate();
         for (column, ((out, a), b)) in parts {
             // Most of a static background is equal.
-            if !wanted(y / edge * width.div_ceil(edge) + column) || a == b {
+            if !wanted(y / edge * width.div_ceil(edge) + column) || same && a == b {
                 continue;
             }
-            let [a, b] = [a, b].map(|part| shown(part, y * width + column * edge, backdrop, exposure));
+            let first = y * width + column * edge;
+            let [a, b] =
+                [(a, backdrops[0]), (b, backdrops[1])].map(|(part, behind)| shown(part, first, behind, exposure));
             for ((out, a), b) in out.iter_mut().zip(a.chunks_exact(3)).zip(b.chunks_exact(3)) {
                 *out = Vec3::from_slice(a) - Vec3::from_slice(b);
             }
@@ -353,11 +393,16 @@ fn differences(
     out
 }
 
+/// Memory that the system cleared: what stays as it is costs nothing.
+fn zeros(count: usize) -> Vec<Vec3> {
+    bytemuck::cast_vec(vec![[0.0_f32; 3]; count])
+}
+
 /// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.
 fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
     const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
     // Rows without a difference stay as they are made: 0.
-    let mut along = vec![Vec3::ZERO; values.len()];
+    let mut along = zeros(values.len());
     let rows = along.par_chunks_mut(width).zip(values.par_chunks(width));
     let differs: Vec<bool> = rows
         .map(|(out, row)| {
@@ -372,7 +417,7 @@ fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
             differs
         })
         .collect();
-    let mut across = vec![Vec3::ZERO; values.len()];
+    let mut across = zeros(values.len());
     across.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
         let rows = [0, 1, 2, 3, 4].map(|i| (y + i).saturating_sub(2).min(differs.len() - 1));
         if rows.iter().any(|&row| differs[row]) {
@@ -475,9 +520,9 @@ mod tests {
     #[test]
     fn slivers_go_with_the_block_beside_them() {
         let background = Background { colour: DVec3::ZERO, transparent: false };
-        let backdrop = Backdrop { background, picture: None };
+        let behind = Behind::new(background, None);
         let size = [96, 32];
-        let mut errors = Errors::new(size, 32, &backdrop, Interleave::None, 3.0, PixelFilter::Box, 1.0);
+        let mut errors = Errors::new(size, 32, &behind, Interleave::None, 3.0, PixelFilter::Box, 1.0);
         errors.blocks[0].reaches = [true; 4];
         errors.blocks[2].reaches = [true; 4];
         for (sliver, wanted) in [

@@ -73,6 +73,13 @@ impl Environment {
         self.map.radiance(turned) * self.intensity
     }
 
+    /// The same in single precision.
+    pub(crate) fn radiance_nearly(&self, towards: Vec3) -> Vec3 {
+        let (sin, cos) = libm::sincosf(self.rotation as f32);
+        let turned = Vec3::new(towards.x * cos - towards.z * sin, towards.y, towards.x * sin + towards.z * cos);
+        self.map.radiance_nearly(turned) * self.intensity as f32
+    }
+
     /// Bytes of the picture and of the filtered map.
     pub fn bytes(&self) -> u64 {
         self.map.bytes() + Cube::bytes_of(&self.map)

@@ -325,9 +325,10 @@ fn model_bytes(scene: &Scene) -> u64 {
     captures.sort_by_key(|capture| Arc::as_ptr(capture));
     captures.dedup_by_key(|capture| Arc::as_ptr(capture));
     let surroundings = scene.environment.as_ref().map_or(0, Environment::bytes);
-    // The picture of what is behind.
+    // The picture of what is behind; where the camera moves, mode auto has two more.
     let pixels = u64::from(scene.image.width) * u64::from(scene.image.height);
-    let behind = scene.panorama().map_or(0, |_| pixels * size_of::<[f32; 3]>() as u64);
+    let pictures = if scene.camera.rests() { 1 } else { 3 };
+    let behind = scene.panorama().map_or(0, |_| pictures * pixels * size_of::<[f32; 3]>() as u64);
     let captures = captures.iter().map(|capture| capture.bytes()).sum::<u64>();
     let paths: u64 = surfels().filter_map(SurfelModel::own_paths).map(|own| own.bytes()).sum();
     let beside: u64 = surfels().map(SurfelModel::bytes_beside).sum();

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DMat3, DVec3, Mat3, Vec3};
+use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
 use crate::environment::{Environment, Surroundings};
@@ -12,8 +12,12 @@ use crate::scene::Scene;
 use crate::scene::pose::camera_from_world;
 use crate::time::FrameNumber;
 
-/// Times of the exposure at which a camera in motion sees the environment.
-const TIMES: u32 = 32;
+/// Times of the exposure at which a camera in motion sees the environment: even, so that each half has as many.
+const TIMES: std::ops::RangeInclusive<u32> = 16..=128;
+/// Pixels by which the environment moves on the image from one of them to the next, as far as there may be so many.
+const STEP: f64 = 2.0;
+/// Parts of the exposure in which the camera turns by less than half a turn.
+const PARTS: u32 = 64;
 
 /// Most pixels of the map that a pixel of the image covers along an axis and that are looked up one by one.
 const FEW: f64 = 4.0;
@@ -35,8 +39,8 @@ pub struct Panorama {
     axis: [f32; 2],
     /// Variance of the pixel filter along an axis, pixels^2.
     variance: f32,
-    /// Places within a pixel at which the map itself is looked up, pixels. None where the camera moves, or where a
-    /// pixel covers many of the map: there the filtered map serves, whose filter would soften fewer.
+    /// Places within a pixel at which the map itself is looked up, pixels; where the camera moves, one for each time.
+    /// None where a pixel covers many of the map: there the filtered map serves, whose filter would soften fewer.
     offsets: Vec<[f32; 2]>,
 }
 
@@ -50,8 +54,12 @@ impl Panorama {
         let focal = focal_length(f64::from(scene.image.height), scene.camera.fovy);
         // Pixels of the map along an axis of a pixel in the middle of the image.
         let covered = environment.map().width() as f64 / (TAU * focal);
-        let cameras = cameras(scene, number, at, size[readout]);
-        let rests = matches!(cameras.as_slice(), [times] if times.len() == 1);
+        let longest = focal.hypot(0.5 * f64::from(size[0])).hypot(0.5 * f64::from(size[1]));
+        let path = if at.is_some() { 0.0 } else { turn(scene, number) * longest };
+        let times =
+            if path > 0.0 { ((path / STEP) as u32).clamp(*TIMES.start(), *TIMES.end()).next_multiple_of(2) } else { 1 };
+        let cameras = cameras(scene, number, at, times, size[readout]);
+        let of_filter = if filter == PixelFilter::Point { PixelFilter::Box } else { filter };
         Some(Self {
             environment: environment.clone(),
             surroundings: environment.surroundings(),
@@ -65,10 +73,9 @@ impl Panorama {
                 PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
             },
             offsets: match filter {
-                _ if !rests || covered > FEW => Vec::new(),
-                PixelFilter::Box | PixelFilter::Point => {
-                    PixelFilter::Box.offsets(if covered > 1.0 { 16 } else { 4 }, 0)
-                }
+                _ if covered > FEW => Vec::new(),
+                _ if times > 1 => of_filter.offsets(times, 0),
+                PixelFilter::Box | PixelFilter::Point => of_filter.offsets(if covered > 1.0 { 16 } else { 4 }, 0),
                 PixelFilter::Gaussian { .. } => filter.offsets(16, 0),
             },
         })
@@ -76,12 +83,25 @@ impl Panorama {
 
     /// Linear Rec.709, row by row.
     pub fn picture(&self) -> Vec<[f32; 3]> {
-        let [width, height] = self.size;
-        let rows = (0..height).into_par_iter();
-        rows.flat_map_iter(|y| (0..width).map(move |x| self.pixel([x as f32, y as f32]).to_array())).collect()
+        self.pixels(|_| true)
     }
 
-    fn pixel(&self, pixel: [f32; 2]) -> Vec3 {
+    /// The same from either half of the times, each its own mirror image; `None` where there is one time. Their mean is
+    /// the picture.
+    pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
+        let several = self.cameras.first().is_some_and(|times| times.len() > 1);
+        several.then(|| [0, 1].map(|half| self.pixels(|time| time.div_ceil(2) % 2 == half)))
+    }
+
+    /// Means over the times that are `taken`.
+    fn pixels(&self, taken: impl Fn(usize) -> bool + Sync) -> Vec<[f32; 3]> {
+        let [width, height] = self.size;
+        let rows = (0..height).into_par_iter();
+        let of_row = |y: u32| (0..width).map(move |x| [x as f32, y as f32]);
+        rows.flat_map_iter(|y| of_row(y).map(|pixel| self.pixel(pixel, &taken).to_array())).collect()
+    }
+
+    fn pixel(&self, pixel: [f32; 2], taken: &impl Fn(usize) -> bool) -> Vec3 {
         let towards = |camera: &Mat3, dx: f32, dy: f32| {
             let [x, y] = [0, 1].map(|axis| pixel[axis] + 0.5 - self.axis[axis]);
             (*camera * Vec3::new(x + dx, -(y + dy), -self.focal)).normalize()
@@ -94,7 +114,13 @@ impl Panorama {
             let all: DVec3 = self.offsets.iter().map(radiance).sum();
             return (all / self.offsets.len() as f64).as_vec3();
         }
-        for (i, (camera, share)) in cameras.iter().enumerate() {
+        let mut shares = 0.0;
+        for (i, (camera, share)) in cameras.iter().enumerate().filter(|(i, _)| taken(*i)) {
+            shares += *share;
+            if let Some(&[dx, dy]) = self.offsets.get(i) {
+                sum += self.environment.radiance_nearly(towards(camera, dx, dy)) * *share;
+                continue;
+            }
             let middle = towards(camera, 0.0, 0.0);
             let beside = towards(camera, 1.0, 0.0).distance_squared(middle);
             let below = towards(camera, 0.0, 1.0).distance_squared(middle);
@@ -104,15 +130,29 @@ impl Panorama {
             let variance = 0.5 * self.variance * (beside + below) + travelled / 24.0;
             sum += self.surroundings.radiance(middle.to_array(), variance) * *share;
         }
-        sum
+        if shares > 0.0 { sum / shares } else { sum }
     }
 }
 
-/// [`Panorama::cameras`]: at `at`, or over the exposure; for each of `pixels` that are read out one after another while
-/// the camera moves, else for all at once.
-fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, pixels: u32) -> Vec<Vec<(Mat3, f32)>> {
+/// By how much the camera turns during an exposure, radians, all turns together.
+fn turn(scene: &Scene, number: FrameNumber) -> f64 {
+    if scene.camera.rests() {
+        return 0.0;
+    }
+    let delays = scene.shutter.readout.some_delays();
+    let of_delay = |&delay: &f64| {
+        let at = |i: u32| scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(PARTS)) + delay;
+        let turns = (0..=PARTS).map(|i| DQuat::from_mat4(&camera_from_world(scene, at(i)))).collect::<Vec<_>>();
+        turns.windows(2).map(|pair| 2.0 * libm::acos(pair[0].dot(pair[1]).abs().min(1.0))).sum::<f64>()
+    };
+    delays.iter().map(of_delay).fold(0.0, f64::max)
+}
+
+/// [`Panorama::cameras`]: at `at`, or at so many `times` of the exposure; for each of `pixels` that are read out one
+/// after another while the camera moves, else for all at once.
+fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, times: u32, pixels: u32) -> Vec<Vec<(Mat3, f32)>> {
     let strata = || {
-        let strata = scene.shutter.strata(if scene.camera.rests() { 1 } else { TIMES }, 0.5);
+        let strata = scene.shutter.strata(times, 0.5);
         strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
     };
     let times: Vec<(f64, f64)> = at.map_or_else(strata, |time| vec![(time, 1.0)]);

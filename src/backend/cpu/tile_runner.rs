@@ -76,7 +76,7 @@ impl<W: TileWork> TileRunner<'_, W> {
     /// cache.
     pub(in crate::backend) fn run_at_once(&self, binned: &[Binned<W::Splat>], outputs: &mut [W::Out]) {
         let &Self { work, chunks, passes, .. } = self;
-        outputs.par_iter_mut().enumerate().for_each_init(
+        outputs.par_iter_mut().enumerate().with_max_len(16).for_each_init(
             || (TileBuffers::default(), Vec::new()),
             |(buffers, scratch), (index, out)| {
                 let tile = work.scope().band.tile(index);
