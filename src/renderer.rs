@@ -2,7 +2,6 @@
 
 mod queue;
 
-use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,7 +15,7 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{CutTolerance, Object, Scene, Shape};
+use crate::scene::{Cut, CutTolerance, Object, Scene, Shape};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
@@ -270,7 +269,19 @@ pub(crate) fn render_checked(
 ) -> Result<Rendered, BackendError> {
     let scene = &*scene.at_frame(frame.get())?;
     check(scene, options)?;
-    let scene = &*as_fine(scene, frame, options);
+    let Cut { scene, error } = as_fine(scene, frame, options);
+    let mut rendered = render_fine(backend, &scene, frame, options)?;
+    rendered.stats.add_detail(error);
+    Ok(rendered)
+}
+
+/// The same, of a scene with the surfels that the frame needs.
+fn render_fine(
+    backend: &mut dyn Backend,
+    scene: &Scene,
+    frame: FrameNumber,
+    options: &RenderOptions,
+) -> Result<Rendered, BackendError> {
     if options.look.aovs.contains(&Aov::Object) {
         let rendered = render_checked(backend, scene, frame, &without_objects(options))?;
         return objects::add_layer(backend, scene, frame, options, rendered);
@@ -289,10 +300,10 @@ pub(crate) fn render_checked(
 }
 
 /// The scene with the surfels that a frame needs. Of a scene with these it is the same.
-fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) -> Cow<'a, Scene> {
+fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) -> Cut<'a> {
     match options.detail.error(options.quality) {
         Some(error) => scene.cut(frame.get(), CutTolerance::of(error)),
-        None => Cow::Borrowed(scene),
+        None => Cut::whole(scene),
     }
 }
 

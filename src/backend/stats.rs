@@ -46,6 +46,9 @@ pub struct Stats {
     pub resolve: Duration,
     /// The result of mode auto; `None` for a blur mode with given samples.
     pub achieved: Option<Achieved>,
+    /// Estimated error by what the colours of the surfels leave out that take the place of finer ones
+    /// ([`Detail`](crate::options::Detail)): root mean square of display values over the image.
+    pub detail: f64,
     /// What bounds of splats waste, where it was counted: on the CPU, where someone asked for it.
     pub waste: Waste,
 }
@@ -88,7 +91,7 @@ impl std::ops::AddAssign for Pixels {
 /// The result of mode auto: the error that it estimates, and the samples that it took.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Achieved {
-    /// Estimated root mean square error of the display values.
+    /// Estimated root mean square error of the display values, [`Stats::detail`] included.
     pub error: f64,
     /// Longest path of a surfel over the screen during the exposure, pixels.
     #[serde(rename = "way")]
@@ -153,6 +156,14 @@ impl Stats {
         self.waste.visibility += other.waste.visibility;
         self.waste.attribute += other.waste.attribute;
         self.waste.composite += other.waste.composite;
+    }
+
+    /// Adds the error by detail that is left out to what is stated.
+    pub(crate) fn add_detail(&mut self, error: f64) {
+        self.detail = self.detail.hypot(error);
+        if let Some(achieved) = &mut self.achieved {
+            achieved.error = achieved.error.hypot(error);
+        }
     }
 
     /// Samples and surfels of a frame, before anything is measured.

@@ -10,7 +10,7 @@ use super::{as_fine, check, check_values, finite, posed, render_frame};
 use crate::backend::{Backend, BackendError, Rendered};
 use crate::film::Aov;
 use crate::options::{Quality, RenderOptions};
-use crate::scene::Scene;
+use crate::scene::{Cut, Scene};
 use crate::time::FrameNumber;
 
 /// Frames of a scene that are rendered one after the other, and leave in the order in which they came.
@@ -58,8 +58,8 @@ struct Waiting<T> {
 }
 
 enum State {
-    /// The backend works on it.
-    UnderWay,
+    /// The backend works on it. The error by what its surfels leave out.
+    UnderWay(f64),
     /// It is rendered, or need not be.
     Done(Option<Box<Rendered>>),
 }
@@ -102,7 +102,7 @@ impl<'a, T> FrameQueue<'a, T> {
     /// # Errors
     /// As of [`finish`](Self::finish).
     pub fn ready(&mut self) -> Result<Option<FinishedFrame<T>>, FrameError> {
-        let under_way = |waiting: &&Waiting<T>| matches!(waiting.state, State::UnderWay);
+        let under_way = |waiting: &&Waiting<T>| matches!(waiting.state, State::UnderWay(_));
         let is_done = self.waiting.front().is_some_and(|next| !under_way(&next));
         let is_full = self.waiting.iter().filter(under_way).count() >= self.backend.in_flight();
         if is_done || is_full { self.finish() } else { Ok(None) }
@@ -116,7 +116,13 @@ impl<'a, T> FrameQueue<'a, T> {
         let Some(Waiting { number, tag, state }) = self.waiting.pop_front() else { return Ok(None) };
         let rendered = match state {
             State::Done(rendered) => rendered.map(|rendered| *rendered),
-            State::UnderWay => self.backend.finish().map_err(|cause| FrameError { number, cause })?,
+            State::UnderWay(error) => {
+                let mut rendered = self.backend.finish().map_err(|cause| FrameError { number, cause })?;
+                if let Some(rendered) = &mut rendered {
+                    rendered.stats.add_detail(error);
+                }
+                rendered
+            }
         };
         Ok(Some(FinishedFrame { number, tag, rendered }))
     }
@@ -132,10 +138,10 @@ impl<'a, T> FrameQueue<'a, T> {
         };
         let scene = self.scene.at_frame(finite(number)?.get())?;
         check(&scene, options)?;
-        let scene = as_fine(&scene, number, options);
+        let Cut { scene, error } = as_fine(&scene, number, options);
         let frame = posed(self.backend, &scene, number, mode, options)?;
         self.backend.begin(frame)?;
-        Ok(State::UnderWay)
+        Ok(State::UnderWay(error))
     }
 }
 

@@ -26,6 +26,10 @@ const WAVE: f64 = 2.0 / std::f64::consts::PI;
 const ALONG: f64 = 1.0 / 6.0;
 /// The factor with which half of all change, that of detail that is the same in all directions, counts as a half.
 const ACROSS: f64 = 1.5;
+/// Cosine between mean front and ray below which an outline may run through a node.
+const OUTLINE: f64 = 0.5;
+/// Difference of display values across an outline.
+const CONTRAST: f64 = 0.3;
 /// Least cosine between a surface and a ray at which motion on the image is traced on the surface.
 const GRAZING: f64 = 0.2;
 
@@ -45,12 +49,30 @@ impl CutTolerance {
     }
 }
 
+/// A scene with the surfels that a frame needs.
+#[derive(Debug)]
+pub(crate) struct Cut<'a> {
+    /// The same as before where none is left out.
+    pub(crate) scene: Cow<'a, Scene>,
+    /// Estimated error by what its colours leave out: root mean square of display values over the image. What hides
+    /// what is not looked at, so it may be larger than it shows.
+    pub(crate) error: f64,
+}
+
+impl<'a> Cut<'a> {
+    /// All surfels.
+    pub(crate) fn whole(scene: &'a Scene) -> Self {
+        Self { scene: Cow::Borrowed(scene), error: 0.0 }
+    }
+}
+
 impl Scene {
     /// The scene with those surfels of its models that frame `number` needs within `tolerance`.
     ///
     /// Models keep all their surfels where they are few, or loose, or move by themselves, and where light passes
     /// through them.
-    pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance) -> Cow<'_, Self> {
+    pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance) -> Cut<'_> {
+        let mut sum = 0.0;
         let cut = |object: &Object| {
             let Shape::Surfels { model, surface, points } = &object.shape else { return None };
             if object.is_see_through() {
@@ -63,7 +85,9 @@ impl Scene {
                 let mut nodes = Vec::new();
                 if !views.is_empty() {
                     let (rolls, parts) = (self.shutter.readout.rolls(), Vec::new());
-                    Chooser { levels, views, tolerance, origin, mirrors, rolls, parts }.choose(0, &mut nodes);
+                    let mut chooser = Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, error: 0.0 };
+                    chooser.choose(0, &mut nodes);
+                    sum += chooser.error;
                 }
                 nodes
             })?;
@@ -71,14 +95,16 @@ impl Scene {
         };
         let shapes: Vec<Option<Shape>> = self.objects.iter().map(cut).collect();
         if shapes.iter().all(Option::is_none) {
-            return Cow::Borrowed(self);
+            return Cut::whole(self);
         }
+        let pixels = f64::from(self.image.width) * f64::from(self.image.height);
         let objects = self.objects.iter().zip(shapes);
         let objects = objects.map(|(object, shape)| match shape {
             Some(shape) => Object { shape, ..object.clone() },
             None => object.clone(),
         });
-        Cow::Owned(Self { objects: objects.collect(), ..self.clone() })
+        let scene = Cow::Owned(Self { objects: objects.collect(), ..self.clone() });
+        Cut { scene, error: (sum / pixels).sqrt() }
     }
 }
 
@@ -128,6 +154,8 @@ struct Chooser<'a> {
     rolls: bool,
     /// Lengths of the paths of a node in the parts of the exposure, pixels.
     parts: Vec<f64>,
+    /// What the chosen nodes leave out: the square of it, times pixels.
+    error: f64,
 }
 
 impl Chooser<'_> {
@@ -135,22 +163,49 @@ impl Chooser<'_> {
     fn choose(&mut self, node: u32, cut: &mut Vec<u32>) {
         let levels = self.levels;
         let of = &levels.nodes()[node as usize];
-        if of.is_leaf() || self.is_fine(of) {
+        if of.is_leaf() {
+            return cut.push(node);
+        }
+        if let Some(error) = self.error_if_fine(of) {
+            self.error += self.square_error(of, error);
             return cut.push(node);
         }
         of.children.clone().for_each(|child| self.choose(child, cut));
     }
 
-    fn is_fine(&mut self, node: &Node) -> bool {
+    /// What the picture misses where `node` takes the place of all below it, as a share of white as it is displayed
+    /// (root mean square); `None` where that is more than the tolerance.
+    fn error_if_fine(&mut self, node: &Node) -> Option<f64> {
         let density = self.density(node);
         if f64::from(node.deviation) * density > self.tolerance.deviation {
-            return false;
+            return None;
         }
         let spacing = f64::from(node.spacing) * density;
         // The share of detail as fine as a cell that a pixel shows (docs/measurements/levels.md).
         let seen = 1.0 - libm::exp(-0.45 * libm::pow(spacing, 1.3));
         let rest = f64::from(node.rest).hypot(MIRRORED * self.mirrors * f64::from(node.turns)) * seen;
-        rest <= self.tolerance.rest || !self.rolls && rest * self.blur(node, spacing) <= self.tolerance.rest
+        if self.rolls {
+            return (rest <= self.tolerance.rest).then_some(rest);
+        }
+        // What a still picture may miss stays right in any motion.
+        let blurred = rest * self.blur(node, spacing);
+        (blurred <= self.tolerance.rest).then_some(blurred)
+    }
+
+    /// The square of what the picture misses by a node at mid-exposure, times pixels: `rest` where its fronts show, and
+    /// a strip as wide as its deviation where an outline may run through it.
+    fn square_error(&self, node: &Node, rest: f64) -> f64 {
+        let view = &self.views[self.views.len() / 2];
+        let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
+        let centre = 0.5 * (low + high);
+        let density = view.pixels / view.camera_from_model.transform_point3(centre).length().max(view.near);
+        // Each surfel stands for a square of the distance to the next.
+        let edge = f64::from(node.spacing) * density;
+        let area = node.len() as f64 * edge * edge;
+        let facing = node.axis.as_dvec3().dot((view.eye - centre).normalize_or_zero());
+        let outline = if facing.abs() < OUTLINE { area.sqrt() } else { 0.0 };
+        let strip = CONTRAST * f64::from(node.deviation) * density;
+        rest * rest * area * facing.max(0.0) + strip * strip * outline
     }
 
     /// Pixels of a length of 1 of the model at its nearest.

@@ -42,6 +42,8 @@ pub(super) struct FrameReport<'a> {
     splats: u64,
     /// Pixels, over all instants, with more layers of see-through surfels than are drawn.
     left_out: u64,
+    /// As `Stats::detail`.
+    detail: f64,
     /// What mode auto reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     auto: Option<Achieved>,
@@ -124,6 +126,7 @@ impl<'a> FrameReport<'a> {
             surfels: stats.surfels,
             splats: stats.splats,
             left_out: stats.left_out,
+            detail: stats.detail,
             auto: stats.achieved,
             cpu_seconds,
             device_seconds,

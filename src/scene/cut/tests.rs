@@ -1,5 +1,9 @@
 //! Tests of the cut: what motion saves and what it does not, and that it depends on nothing but scene and frame.
 
+use crate::backend::cpu::Cpu;
+use crate::compare::gamma_rmse;
+use crate::options::{BlurMode, Detail, Interleave, RenderOptions, Times};
+use crate::renderer::render_frame;
 use glam::Vec3;
 
 use super::*;
@@ -48,7 +52,7 @@ fn stripes(_: usize, y: usize) -> f32 {
 }
 
 fn surfels(scene: &Scene, tolerance: CutTolerance) -> usize {
-    scene.cut(NUMBER, tolerance).objects[0].shape.elements()
+    scene.cut(NUMBER, tolerance).scene.objects[0].shape.elements()
 }
 
 const TIGHT: CutTolerance = CutTolerance { rest: 0.02, deviation: 10.0 };
@@ -113,7 +117,7 @@ fn what_is_at_the_eye_stays_fine() {
     scene.camera.at = DVec3::new(3.0, 40.0, 0.0);
     scene.camera.up = DVec3::Z;
     (scene.image.width, scene.image.height) = (16, 16);
-    let cut = scene.cut(NUMBER, CutTolerance::of(0.025));
+    let cut = scene.cut(NUMBER, CutTolerance::of(0.025)).scene;
     let near = |place: &Vec3| place.truncate().distance(glam::Vec2::new(3.0, 2.0)) < 6.0;
     let count = |scene: &Scene| scene.objects[0].shape.positions().iter().filter(|place| near(place)).count();
     assert_eq!(count(&cut), count(&scene));
@@ -141,9 +145,37 @@ fn what_has_no_cut_is_as_it_was() {
 #[test]
 fn cuts_are_made_once() {
     let scene = plane(noise, DVec3::ZERO);
-    let far = |number: f64| scene.cut(number, CutTolerance::of(0.2)).into_owned();
+    let far = |number: f64| scene.cut(number, CutTolerance::of(0.2)).scene.into_owned();
     let (one, two) = (far(0.0), far(7.0));
     let surfels = |scene: &Scene| std::sync::Arc::clone(scene.objects[0].shape.surfels().unwrap().surfels());
     assert!(surfels(&one).len() < SIDE * SIDE && std::sync::Arc::ptr_eq(&surfels(&one), &surfels(&two)));
-    assert!(matches!(one.cut(0.0, CutTolerance::of(1.0)), Cow::Borrowed(_)));
+    assert!(matches!(one.cut(0.0, CutTolerance::of(1.0)).scene, Cow::Borrowed(_)));
+}
+
+/// What a cut says of its error is what pictures differ by, within a factor of two: in rest, and where motion leaves
+/// little of it. All surfels have none.
+#[test]
+fn a_cut_knows_its_error() {
+    let faint = |x: usize, y: usize| 0.5 + 0.04 * (noise(x, y) - 0.5);
+    let scenes = [plane(faint, DVec3::ZERO), plane(noise, 64.0 * DVec3::X), plane(faint, 8.0 * DVec3::X)];
+    let mut stated = Vec::new();
+    for scene in scenes {
+        let picture = |detail: Detail| {
+            let samples = BlurMode::Supersample {
+                samples: 64,
+                pixel_samples: None,
+                interleave: Interleave::None,
+                times: Times::Even,
+            };
+            let options = RenderOptions { quality: samples.into(), detail, ..RenderOptions::default() };
+            render_frame(&mut Cpu::default(), &scene, NUMBER, &options).unwrap()
+        };
+        let [coarse, full] = [Detail::Draft, Detail::Full].map(picture);
+        let error = gamma_rmse(&coarse.picture, &full.picture).unwrap();
+        assert_eq!(full.stats.detail, 0.0);
+        println!("stated {}, true {error}", coarse.stats.detail);
+        assert!((0.5..2.0).contains(&(coarse.stats.detail / error)), "stated {}, true {error}", coarse.stats.detail);
+        stated.push(coarse.stats.detail);
+    }
+    assert!(stated[2] < stated[0], "{stated:?}");
 }
