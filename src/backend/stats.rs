@@ -46,7 +46,7 @@ pub struct Stats {
     pub resolve: Duration,
     /// The result of mode auto; `None` for a blur mode with given samples.
     pub achieved: Option<Achieved>,
-    /// Estimated error by what the colours of the surfels leave out that take the place of finer ones
+    /// Estimated error by colours and outlines that surfels leave out which take the place of finer ones
     /// ([`Detail`](crate::options::Detail)): root mean square of display values over the image.
     pub detail: f64,
     /// What bounds of splats waste, where it was counted: on the CPU, where someone asked for it.

@@ -83,8 +83,8 @@ const DEPTH: &str = "{\"Y\": \"distance from the camera along its axis (-z) in t
                      mean over the pixel; infinite where nothing is seen\"}";
 const ALPHA: &str = "{\"Y\": \"share of the pixel that surfaces cover in the middle of the shutter, 0 to 1\"}";
 const ERROR: &str = "{\"R\": \"error of the blurred picture before noise: of the reference its standard error, linear \
-                     light; of mode auto its estimate for the block around, root mean square of display values\", \
-                     \"A\": \"that of coverage\"}";
+                     light; of mode auto its estimate for the block around, without that of detail, root mean square \
+                     of display values\", \"A\": \"that of coverage\"}";
 
 /// Makes the files of frame `frame` of a scene, and hands each to `write` as soon as it is made, the blurred picture
 /// last. `seed`: of the noise.

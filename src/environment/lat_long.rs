@@ -107,7 +107,7 @@ impl LatLong {
         upper.lerp(lower, lower_share)
     }
 
-    /// The same in single precision: places are wrong by less than a thousandth of a pixel.
+    /// The same in single precision: places are wrong by some thousandths of a pixel of the largest map.
     pub(super) fn radiance_nearly(&self, towards: Vec3) -> Vec3 {
         use std::f32::consts::{PI, TAU};
         let (w, h) = (self.width, self.height);

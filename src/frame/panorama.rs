@@ -12,10 +12,13 @@ use crate::scene::Scene;
 use crate::scene::pose::camera_from_world;
 use crate::time::FrameNumber;
 
-/// Times of the exposure at which a camera in motion sees the environment: even, so that each half has as many.
+/// Times of the exposure at which a camera that turns sees the environment: multiples of four, so that each half is its
+/// own mirror image.
 const TIMES: std::ops::RangeInclusive<u32> = 16..=128;
 /// Pixels by which the environment moves on the image from one of them to the next, as far as there may be so many.
 const STEP: f64 = 2.0;
+/// Shorter paths are none, pixels.
+const STILL: f64 = 0.01;
 /// Parts of the exposure in which the camera turns by less than half a turn.
 const PARTS: u32 = 64;
 
@@ -54,10 +57,15 @@ impl Panorama {
         let focal = focal_length(f64::from(scene.image.height), scene.camera.fovy);
         // Pixels of the map along an axis of a pixel in the middle of the image.
         let covered = environment.map().width() as f64 / (TAU * focal);
-        let longest = focal.hypot(0.5 * f64::from(size[0])).hypot(0.5 * f64::from(size[1]));
+        // The farthest corner of the image moves fastest.
+        let farthest = [0, 1].map(|i| (0.5 + scene.camera.shift[i].abs()) * f64::from(size[i]));
+        let longest = focal.hypot(farthest[0]).hypot(farthest[1]);
         let path = if at.is_some() { 0.0 } else { turn(scene, number) * longest };
-        let times =
-            if path > 0.0 { ((path / STEP) as u32).clamp(*TIMES.start(), *TIMES.end()).next_multiple_of(2) } else { 1 };
+        let times = if path > STILL {
+            ((path / STEP) as u32).next_multiple_of(4).clamp(*TIMES.start(), *TIMES.end())
+        } else {
+            1
+        };
         let cameras = cameras(scene, number, at, times, size[readout]);
         let of_filter = if filter == PixelFilter::Point { PixelFilter::Box } else { filter };
         Some(Self {
@@ -74,7 +82,7 @@ impl Panorama {
             },
             offsets: match filter {
                 _ if covered > FEW => Vec::new(),
-                _ if times > 1 => of_filter.offsets(times, 0),
+                _ if times > 1 => in_halves(&of_filter.offsets(times, 0)),
                 PixelFilter::Box | PixelFilter::Point => of_filter.offsets(if covered > 1.0 { 16 } else { 4 }, 0),
                 PixelFilter::Gaussian { .. } => filter.offsets(16, 0),
             },
@@ -90,7 +98,7 @@ impl Panorama {
     /// the picture.
     pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
         let several = self.cameras.first().is_some_and(|times| times.len() > 1);
-        several.then(|| [0, 1].map(|half| self.pixels(|time| time.div_ceil(2) % 2 == half)))
+        several.then(|| [0, 1].map(|half| self.pixels(|time| half_of(time) == half)))
     }
 
     /// Means over the times that are `taken`.
@@ -134,16 +142,28 @@ impl Panorama {
     }
 }
 
+/// The half that a time belongs to: the outer two of four to one.
+const fn half_of(time: usize) -> usize {
+    time.div_ceil(2) % 2
+}
+
+/// The offsets of all times, so that those of each half follow one another in `offsets` and cover the pixel evenly.
+fn in_halves(offsets: &[[f32; 2]]) -> Vec<[f32; 2]> {
+    (0..offsets.len()).map(|time| offsets[half_of(time) * offsets.len() / 2 + time / 2]).collect()
+}
+
 /// By how much the camera turns during an exposure, radians, all turns together.
 fn turn(scene: &Scene, number: FrameNumber) -> f64 {
     if scene.camera.rests() {
         return 0.0;
     }
     let delays = scene.shutter.readout.some_delays();
+    // Both signs are the same rotation. Where it is the same, this is 0, and the arc cosine is not.
+    let apart = |a: DQuat, b: DQuat| (a - b).length().min((a + b).length());
     let of_delay = |&delay: &f64| {
         let at = |i: u32| scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(PARTS)) + delay;
         let turns = (0..=PARTS).map(|i| DQuat::from_mat4(&camera_from_world(scene, at(i)))).collect::<Vec<_>>();
-        turns.windows(2).map(|pair| 2.0 * libm::acos(pair[0].dot(pair[1]).abs().min(1.0))).sum::<f64>()
+        turns.windows(2).map(|pair| 4.0 * libm::asin((0.5 * apart(pair[0], pair[1])).min(1.0))).sum::<f64>()
     };
     delays.iter().map(of_delay).fold(0.0, f64::max)
 }
@@ -151,11 +171,13 @@ fn turn(scene: &Scene, number: FrameNumber) -> f64 {
 /// [`Panorama::cameras`]: at `at`, or at so many `times` of the exposure; for each of `pixels` that are read out one
 /// after another while the camera moves, else for all at once.
 fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, times: u32, pixels: u32) -> Vec<Vec<(Mat3, f32)>> {
-    let strata = || {
-        let strata = scene.shutter.strata(times, 0.5);
-        strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
+    // Times of equal weight: each half has half of it.
+    let even = || {
+        let shares: Vec<f64> = (0..times).map(|i| (f64::from(i) + 0.5) / f64::from(times)).collect();
+        let times = scene.shutter.times_of(&shares).into_iter();
+        times.map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
     };
-    let times: Vec<(f64, f64)> = at.map_or_else(strata, |time| vec![(time, 1.0)]);
+    let times: Vec<(f64, f64)> = at.map_or_else(even, |time| vec![(time, 1.0)]);
     let camera = |time: f64, weight: f64| {
         let camera = camera_from_world(scene, time);
         (DMat3::from_mat4(camera).transpose().as_mat3(), weight as f32)
@@ -171,10 +193,13 @@ fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, times: u32, pixe
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may stop")]
 mod tests {
     use super::*;
     use crate::environment::studio;
     use crate::sampling::pixel_offsets;
+    use crate::scene::Motion;
+    use crate::time::Weight;
 
     /// Before a resting camera that magnifies the map, a pixel is the mean of the map over its square.
     #[test]
@@ -206,5 +231,30 @@ mod tests {
         let (sharp, soft) = (error(&sharp), error(&soft));
         println!("root mean square {sharp:.5}, with the filtered map {soft:.5}");
         assert!(sharp < 0.25 * soft, "{sharp}, with the filtered map {soft}");
+    }
+
+    /// Whatever the weight of the shutter, the mean of both halves is the picture, and neither is dark.
+    #[test]
+    fn halves_weigh_the_same() {
+        let peak = [(0.49, 0.0), (0.5, 1.0), (0.51, 0.0)];
+        for weight in [Weight::Box, Weight::Exponential { rate: 5.0, centre: 0.0 }, Weight::Curve(peak.to_vec())] {
+            let mut scene = Scene::new([]);
+            let mut environment = Environment::new(studio());
+            environment.background = true;
+            scene.environment = Some(environment);
+            (scene.image.width, scene.image.height) = (48, 32);
+            scene.camera.motions.push(Motion::Rotation { axis: DVec3::Y, per_frame: 0.3, centre: DVec3::ZERO });
+            scene.shutter.weight = weight;
+            let panorama = Panorama::of(&scene, 0.into(), None, PixelFilter::Box).unwrap();
+            let whole = panorama.picture();
+            let halves = panorama.halves().unwrap();
+            for (at, wanted) in whole.iter().enumerate() {
+                let of_halves = [halves[0][at], halves[1][at]].map(Vec3::from);
+                let wanted = Vec3::from(*wanted);
+                let mean = 0.5 * (of_halves[0] + of_halves[1]);
+                assert!((mean - wanted).abs().max_element() <= 1e-5 * (1.0 + wanted.max_element()), "pixel {at}");
+                assert!(of_halves.iter().all(|half| half.max_element() > 0.0));
+            }
+        }
     }
 }

@@ -54,8 +54,8 @@ impl CutTolerance {
 pub(crate) struct Cut<'a> {
     /// The same as before where none is left out.
     pub(crate) scene: Cow<'a, Scene>,
-    /// Estimated error by what its colours leave out: root mean square of display values over the image. What hides
-    /// what is not looked at, so it may be larger than it shows.
+    /// Estimated error by colours and outlines that it leaves out: root mean square of display values over the image.
+    /// What hides what is not looked at, so it may be larger than what shows.
     pub(crate) error: f64,
 }
 
@@ -85,7 +85,9 @@ impl Scene {
                 let mut nodes = Vec::new();
                 if !views.is_empty() {
                     let (rolls, parts) = (self.shutter.readout.rolls(), Vec::new());
-                    let mut chooser = Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, error: 0.0 };
+                    let film = Film::of(self);
+                    let mut chooser =
+                        Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, film, error: 0.0 };
                     chooser.choose(0, &mut nodes);
                     sum += chooser.error;
                 }
@@ -143,6 +145,28 @@ fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
     views
 }
 
+/// The image about the camera's axis, pixels, y up.
+#[derive(Clone, Copy)]
+struct Film {
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Film {
+    fn of(scene: &Scene) -> Self {
+        let size = DVec2::new(scene.image.width.into(), scene.image.height.into());
+        let middle = scene.camera.shift * size * DVec2::new(-1.0, 1.0);
+        Self { low: middle - 0.5 * size, high: middle + 0.5 * size }
+    }
+
+    /// Share of a square about `place`, of twice `radius`, that lies on the image.
+    fn share(self, place: DVec2, radius: f64) -> f64 {
+        let inside = (place + radius).min(self.high) - (place - radius).max(self.low);
+        let share = inside.max(DVec2::ZERO) / (2.0 * radius).max(f64::MIN_POSITIVE);
+        share.x * share.y
+    }
+}
+
 struct Chooser<'a> {
     levels: &'a Levels,
     views: Vec<View>,
@@ -154,6 +178,7 @@ struct Chooser<'a> {
     rolls: bool,
     /// Lengths of the paths of a node in the parts of the exposure, pixels.
     parts: Vec<f64>,
+    film: Film,
     /// What the chosen nodes leave out: the square of it, times pixels.
     error: f64,
 }
@@ -187,7 +212,7 @@ impl Chooser<'_> {
         if self.rolls {
             return (rest <= self.tolerance.rest).then_some(rest);
         }
-        // What a still picture may miss stays right in any motion.
+        // The share that is left is at most 1, so what a still picture may miss is right in motion, too.
         let blurred = rest * self.blur(node, spacing);
         (blurred <= self.tolerance.rest).then_some(blurred)
     }
@@ -198,14 +223,22 @@ impl Chooser<'_> {
         let view = &self.views[self.views.len() / 2];
         let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
         let centre = 0.5 * (low + high);
-        let density = view.pixels / view.camera_from_model.transform_point3(centre).length().max(view.near);
+        let place = view.camera_from_model.transform_point3(centre);
+        let density = view.pixels / place.length().max(view.near);
+        let radius = 0.5 * (high - low).length() * density;
+        let seen = if -place.z > view.near {
+            self.film.share(place.truncate() * (view.focal / -place.z), radius)
+        } else {
+            0.0
+        };
         // Each surfel stands for a square of the distance to the next.
         let edge = f64::from(node.spacing) * density;
         let area = node.len() as f64 * edge * edge;
         let facing = node.axis.as_dvec3().dot((view.eye - centre).normalize_or_zero());
         let outline = if facing.abs() < OUTLINE { area.sqrt() } else { 0.0 };
         let strip = CONTRAST * f64::from(node.deviation) * density;
-        rest * rest * area * facing.max(0.0) + strip * strip * outline
+        let whole = rest * rest * area * facing.max(0.0) + strip * strip * outline;
+        seen * whole
     }
 
     /// Pixels of a length of 1 of the model at its nearest.

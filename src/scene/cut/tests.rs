@@ -178,4 +178,16 @@ fn a_cut_knows_its_error() {
         stated.push(coarse.stats.detail);
     }
     assert!(stated[2] < stated[0], "{stated:?}");
+    // What is beside the image, or behind the camera, is not missed.
+    let mut scene = plane(faint, DVec3::ZERO);
+    let error = |scene: &Scene| scene.cut(NUMBER, CutTolerance::of(0.05)).error;
+    let whole = error(&scene);
+    scene.camera.shift.x = 0.5;
+    let half = error(&scene);
+    assert!((0.6..0.8).contains(&(half / whole)), "{half} of {whole}");
+    scene.camera.shift.x = 1.5;
+    assert_eq!(error(&scene), 0.0);
+    scene.camera.shift.x = 0.0;
+    scene.camera.at = scene.camera.eye + DVec3::Z;
+    assert_eq!(error(&scene), 0.0);
 }
