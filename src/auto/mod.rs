@@ -294,8 +294,8 @@ mod tests {
         assert_eq!([shared(1, 24), shared(8, 6), shared(24, 24)], [1, 6, 24]);
     }
 
-    /// Nothing but an environment behind a camera that turns by 30 degrees: the stated error is that of the background,
-    /// beside 4096 times in double precision. No block is refined, since that would not change it.
+    /// Nothing but an environment behind a camera that turns by 30 degrees a frame: the stated error is that of the
+    /// background, beside 4096 times in double precision. No block is refined, since that would not change it.
     #[test]
     fn the_background_is_in_the_stated_error() {
         let mut scene = Scene::new([]);

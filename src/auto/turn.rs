@@ -2,6 +2,7 @@
 
 use glam::{DMat4, DQuat};
 
+use crate::math::angle_between;
 use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
 use crate::time::FrameNumber;
@@ -27,6 +28,6 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64) ->
         pose.to_scale_rotation_translation().1
     };
     let turns: Vec<DQuat> = (0..=INTERVALS).map(turn).collect();
-    let angles = turns.windows(2).map(|pair| 2.0 * libm::acos(pair[0].dot(pair[1]).abs().min(1.0)));
+    let angles = turns.windows(2).map(|pair| angle_between(pair[0], pair[1]));
     angles.filter(|angle| angle.is_finite()).sum()
 }

@@ -6,15 +6,15 @@ use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
 use crate::environment::{Environment, Surroundings};
-use crate::math::focal_length;
+use crate::math::{angle_between, focal_length};
 use crate::options::PixelFilter;
 use crate::scene::Scene;
 use crate::scene::pose::camera_from_world;
 use crate::time::FrameNumber;
 
-/// Times of the exposure at which a camera that turns sees the environment: multiples of four, so that each half is its
-/// own mirror image.
-const TIMES: std::ops::RangeInclusive<u32> = 16..=128;
+/// Fewest and most times of the exposure at which a camera that turns sees the environment: multiples of four, so that
+/// each half is its own mirror image.
+const TIMES: [u32; 2] = [16, 128];
 /// Pixels by which the environment moves on the image from one of them to the next, as far as there may be so many.
 const STEP: f64 = 2.0;
 /// Shorter paths are none, pixels.
@@ -31,9 +31,9 @@ const FEW: f64 = 4.0;
 pub struct Panorama {
     environment: Environment,
     surroundings: Surroundings,
-    /// Camera axes in world space, and shares of the exposure: of all pixels, or of each row or column that is read out
+    /// Camera axes in world space, at times of equal weight: of all pixels, or of each row or column that is read out
     /// by itself.
-    cameras: Vec<Vec<(Mat3, f32)>>,
+    cameras: Vec<Vec<Mat3>>,
     /// The axis along which pixels are read out: 0 for columns, 1 for rows.
     readout: usize,
     size: [u32; 2],
@@ -61,11 +61,7 @@ impl Panorama {
         let farthest = [0, 1].map(|i| (0.5 + scene.camera.shift[i].abs()) * f64::from(size[i]));
         let longest = focal.hypot(farthest[0]).hypot(farthest[1]);
         let path = if at.is_some() { 0.0 } else { turn(scene, number) * longest };
-        let times = if path > STILL {
-            ((path / STEP) as u32).next_multiple_of(4).clamp(*TIMES.start(), *TIMES.end())
-        } else {
-            1
-        };
+        let times = if path > STILL { ((path / STEP) as u32).next_multiple_of(4).clamp(TIMES[0], TIMES[1]) } else { 1 };
         let cameras = cameras(scene, number, at, times, size[readout]);
         let of_filter = if filter == PixelFilter::Point { PixelFilter::Box } else { filter };
         Some(Self {
@@ -117,16 +113,16 @@ impl Panorama {
         let mut sum = Vec3::ZERO;
         let read = (pixel[self.readout] as usize).min(self.cameras.len().saturating_sub(1));
         let Some(cameras) = self.cameras.get(read) else { return sum };
-        if let ([(camera, _)], false) = (cameras.as_slice(), self.offsets.is_empty()) {
+        if let ([camera], false) = (cameras.as_slice(), self.offsets.is_empty()) {
             let radiance = |&[dx, dy]: &[f32; 2]| self.environment.radiance(towards(camera, dx, dy).as_dvec3());
             let all: DVec3 = self.offsets.iter().map(radiance).sum();
             return (all / self.offsets.len() as f64).as_vec3();
         }
-        let mut shares = 0.0;
-        for (i, (camera, share)) in cameras.iter().enumerate().filter(|(i, _)| taken(*i)) {
-            shares += *share;
+        let mut times = 0;
+        for (i, camera) in cameras.iter().enumerate().filter(|(i, _)| taken(*i)) {
+            times += 1;
             if let Some(&[dx, dy]) = self.offsets.get(i) {
-                sum += self.environment.radiance_nearly(towards(camera, dx, dy)) * *share;
+                sum += self.environment.radiance_nearly(towards(camera, dx, dy));
                 continue;
             }
             let middle = towards(camera, 0.0, 0.0);
@@ -134,11 +130,11 @@ impl Panorama {
             let below = towards(camera, 0.0, 1.0).distance_squared(middle);
             // What passes by between two times is a part of the exposure, too.
             let next = cameras.get(i + 1).or_else(|| cameras.get(i.wrapping_sub(1)));
-            let travelled = next.map_or(0.0, |(next, _)| towards(next, 0.0, 0.0).distance_squared(middle));
+            let travelled = next.map_or(0.0, |next| towards(next, 0.0, 0.0).distance_squared(middle));
             let variance = 0.5 * self.variance * (beside + below) + travelled / 24.0;
-            sum += self.surroundings.radiance(middle.to_array(), variance) * *share;
+            sum += self.surroundings.radiance(middle.to_array(), variance);
         }
-        if shares > 0.0 { sum / shares } else { sum }
+        sum / times.max(1) as f32
     }
 }
 
@@ -158,37 +154,31 @@ fn turn(scene: &Scene, number: FrameNumber) -> f64 {
         return 0.0;
     }
     let delays = scene.shutter.readout.some_delays();
-    // Both signs are the same rotation. Where it is the same, this is 0, and the arc cosine is not.
-    let apart = |a: DQuat, b: DQuat| (a - b).length().min((a + b).length());
     let of_delay = |&delay: &f64| {
         let at = |i: u32| scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(PARTS)) + delay;
         let turns = (0..=PARTS).map(|i| DQuat::from_mat4(&camera_from_world(scene, at(i)))).collect::<Vec<_>>();
-        turns.windows(2).map(|pair| 4.0 * libm::asin((0.5 * apart(pair[0], pair[1])).min(1.0))).sum::<f64>()
+        turns.windows(2).map(|pair| angle_between(pair[0], pair[1])).sum::<f64>()
     };
     delays.iter().map(of_delay).fold(0.0, f64::max)
 }
 
 /// [`Panorama::cameras`]: at `at`, or at so many `times` of the exposure; for each of `pixels` that are read out one
 /// after another while the camera moves, else for all at once.
-fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, times: u32, pixels: u32) -> Vec<Vec<(Mat3, f32)>> {
-    // Times of equal weight: each half has half of it.
+fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, times: u32, pixels: u32) -> Vec<Vec<Mat3>> {
     let even = || {
         let shares: Vec<f64> = (0..times).map(|i| (f64::from(i) + 0.5) / f64::from(times)).collect();
         let times = scene.shutter.times_of(&shares).into_iter();
-        times.map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
+        times.map(|(t, _)| scene.shutter.frame_time(number.get(), t)).collect()
     };
-    let times: Vec<(f64, f64)> = at.map_or_else(even, |time| vec![(time, 1.0)]);
-    let camera = |time: f64, weight: f64| {
-        let camera = camera_from_world(scene, time);
-        (DMat3::from_mat4(camera).transpose().as_mat3(), weight as f32)
-    };
+    let times: Vec<f64> = at.map_or_else(even, |time| vec![time]);
+    let camera = |time: f64| DMat3::from_mat4(camera_from_world(scene, time)).transpose().as_mat3();
     let readout = &scene.shutter.readout;
     let delays: Vec<f64> = if readout.rolls() && !scene.camera.rests() {
         (0..pixels).map(|pixel| readout.delay((f64::from(pixel) + 0.5) / f64::from(pixels))).collect()
     } else {
         vec![0.0]
     };
-    let of_delay = |delay: f64| times.iter().map(|&(time, weight)| camera(time + delay, weight)).collect();
+    let of_delay = |delay: f64| times.iter().map(|time| camera(time + delay)).collect();
     delays.into_iter().map(of_delay).collect()
 }
 
@@ -201,14 +191,21 @@ mod tests {
     use crate::scene::Motion;
     use crate::time::Weight;
 
-    /// Before a resting camera that magnifies the map, a pixel is the mean of the map over its square.
-    #[test]
-    fn a_magnified_map_stays_sharp() {
+    /// Nothing but a studio behind an image of `size` pixels.
+    fn studio_alone(size: [u32; 2]) -> Scene {
         let mut scene = Scene::new([]);
         let mut environment = Environment::new(studio());
         environment.background = true;
-        scene.environment = Some(environment.clone());
-        (scene.image.width, scene.image.height) = (96, 64);
+        scene.environment = Some(environment);
+        [scene.image.width, scene.image.height] = size;
+        scene
+    }
+
+    /// Before a resting camera that magnifies the map, a pixel is the mean of the map over its square.
+    #[test]
+    fn a_magnified_map_stays_sharp() {
+        let mut scene = studio_alone([96, 64]);
+        let environment = scene.environment.clone().unwrap();
         scene.camera.fovy = 15.0_f64.to_radians();
         let sharp = Panorama::of(&scene, 0.into(), None, PixelFilter::Box);
         let soft = sharp.clone().map(|panorama| Panorama { offsets: Vec::new(), ..panorama });
@@ -238,11 +235,7 @@ mod tests {
     fn halves_weigh_the_same() {
         let peak = [(0.49, 0.0), (0.5, 1.0), (0.51, 0.0)];
         for weight in [Weight::Box, Weight::Exponential { rate: 5.0, centre: 0.0 }, Weight::Curve(peak.to_vec())] {
-            let mut scene = Scene::new([]);
-            let mut environment = Environment::new(studio());
-            environment.background = true;
-            scene.environment = Some(environment);
-            (scene.image.width, scene.image.height) = (48, 32);
+            let mut scene = studio_alone([48, 32]);
             scene.camera.motions.push(Motion::Rotation { axis: DVec3::Y, per_frame: 0.3, centre: DVec3::ZERO });
             scene.shutter.weight = weight;
             let panorama = Panorama::of(&scene, 0.into(), None, PixelFilter::Box).unwrap();

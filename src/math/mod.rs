@@ -17,4 +17,4 @@ mod trs;
 pub use bounds::Bounds;
 pub(crate) use projection::focal_length;
 pub use trs::{RotateOrder, Trs};
-pub(crate) use trs::{norm, rotation};
+pub(crate) use trs::{angle_between, norm, rotation};

@@ -1,6 +1,6 @@
 //! Translate, rotate, scale: the transform of scene files and animations.
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// Order in which the three Euler rotations are applied (Maya's `rotateOrder`). The rotation of the first letter comes
 /// first.
@@ -93,9 +93,29 @@ pub(crate) fn norm(m: &DMat3) -> f64 {
     rows.into_iter().fold(0.0, f64::max).sqrt()
 }
 
+/// The angle of the rotation that leads from one to the other, radians, at most pi; NaN where one is no number. Both
+/// signs are the same rotation. Where both are the same it is exactly 0, as the arc cosine of a rounded product is not.
+pub(crate) fn angle_between(a: DQuat, b: DQuat) -> f64 {
+    let apart = (a - b).length().min((a + b).length());
+    4.0 * libm::asin((0.5 * apart).clamp(0.0, 1.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn angles_are_those_of_rotations() {
+        let turned = |angle: f64| DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), angle);
+        for angle in [1e-9, 0.3, 2.0, 3.1] {
+            for sign in [1.0, -1.0] {
+                let found = angle_between(turned(0.7), turned(0.7 + angle) * sign);
+                assert!((found - angle).abs() < 1e-12, "{found}, not {angle}");
+            }
+        }
+        assert_eq!(angle_between(turned(0.7), turned(0.7)), 0.0);
+        assert!(angle_between(DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0), turned(0.7)).is_nan());
+    }
 
     #[test]
     fn quarter_turns_follow_the_right_hand_rule() {

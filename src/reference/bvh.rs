@@ -25,7 +25,7 @@ pub(super) const WIDTH: usize = 8;
 /// Most surfels or triangles of a leaf. Four f64 fill a vector register.
 pub(super) const LANES: usize = 4;
 
-/// Most boxes that are clustered at once.
+/// Most boxes that are clustered at once: a power of two, since such parts of `disc_tree::order` lie together.
 const PART: usize = 512;
 
 /// Bit of a child's number that marks a leaf.

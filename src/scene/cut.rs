@@ -85,9 +85,9 @@ impl Scene {
                 let mut nodes = Vec::new();
                 if !views.is_empty() {
                     let (rolls, parts) = (self.shutter.readout.rolls(), Vec::new());
-                    let film = Film::of(self);
+                    let image = ImageArea::of(self);
                     let mut chooser =
-                        Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, film, error: 0.0 };
+                        Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, image, error: 0.0 };
                     chooser.choose(0, &mut nodes);
                     sum += chooser.error;
                 }
@@ -147,12 +147,12 @@ fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
 
 /// The image about the camera's axis, pixels, y up.
 #[derive(Clone, Copy)]
-struct Film {
+struct ImageArea {
     low: DVec2,
     high: DVec2,
 }
 
-impl Film {
+impl ImageArea {
     fn of(scene: &Scene) -> Self {
         let size = DVec2::new(scene.image.width.into(), scene.image.height.into());
         let middle = scene.camera.shift * size * DVec2::new(-1.0, 1.0);
@@ -178,7 +178,7 @@ struct Chooser<'a> {
     rolls: bool,
     /// Lengths of the paths of a node in the parts of the exposure, pixels.
     parts: Vec<f64>,
-    film: Film,
+    image: ImageArea,
     /// What the chosen nodes leave out: the square of it, times pixels.
     error: f64,
 }
@@ -227,7 +227,7 @@ impl Chooser<'_> {
         let density = view.pixels / place.length().max(view.near);
         let radius = 0.5 * (high - low).length() * density;
         let seen = if -place.z > view.near {
-            self.film.share(place.truncate() * (view.focal / -place.z), radius)
+            self.image.share(place.truncate() * (view.focal / -place.z), radius)
         } else {
             0.0
         };
