@@ -23,6 +23,9 @@ pub enum Aov {
     Samples,
     /// Standard error of the picture's colour and of the coverage; of the reference only, and never divided by alpha.
     Error,
+    /// Estimated error by detail that is left out ([`Detail`](crate::options::Detail)), for the block of 32 x 32 pixels
+    /// around: root mean square of display values. Of splatting only.
+    LodError,
     /// Index of the object that has the largest share of the pixel over the exposure: 1 for the first of the scene; 0
     /// where nothing is seen. Never a mean. [`Layer::names`] has the names. The reference does not make it.
     Object,
@@ -32,8 +35,16 @@ impl Aov {
     /// All that every renderer makes, in the order of their layers.
     pub const ALL: [Self; 5] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples];
     /// All that a file may hold, in the order of their layers.
-    pub const LAYERS: [Self; 7] =
-        [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples, Self::Error, Self::Object];
+    pub const LAYERS: [Self; 8] = [
+        Self::Alpha,
+        Self::Depth,
+        Self::Normal,
+        Self::Velocity,
+        Self::Samples,
+        Self::Error,
+        Self::LodError,
+        Self::Object,
+    ];
 
     /// Layer name.
     pub const fn name(self) -> &'static str {
@@ -44,6 +55,7 @@ impl Aov {
             Self::Velocity => "velocity",
             Self::Samples => "samples",
             Self::Error => "error",
+            Self::LodError => "lod_error",
             Self::Object => "object",
         }
     }
@@ -61,6 +73,9 @@ impl Aov {
             Self::Error => {
                 "error of r, g, b and coverage: of a reference its standard error, linear light; of mode auto its \
                  estimate for the block around, root mean square of display values"
+            }
+            Self::LodError => {
+                "estimated error by detail that is left out, for the block around, root mean square of display values"
             }
             Self::Object => {
                 "index of the object that has the largest share of the pixel over the exposure, never a mean; 0 where \
@@ -84,6 +99,7 @@ impl Aov {
             Self::Velocity => &["X", "Y"],
             Self::Samples => &["N"],
             Self::Error => &["R", "G", "B", "A"],
+            Self::LodError => &["Y"],
             Self::Object => &["ID"],
         }
     }
@@ -199,7 +215,7 @@ impl FilmPlanes {
     /// First plane of an AOV that is wanted; alpha shares the film's own.
     fn first(&self, aov: Aov) -> usize {
         match aov {
-            Aov::Alpha | Aov::Samples | Aov::Error | Aov::Object => Some(3),
+            Aov::Alpha | Aov::Samples | Aov::Error | Aov::LodError | Aov::Object => Some(3),
             Aov::Depth => self.depth,
             Aov::Normal => self.normal,
             Aov::Velocity => self.velocity,
@@ -307,6 +323,6 @@ fn aov_value(aov: Aov, sum: f32, alpha: f32) -> f32 {
         Aov::Alpha | Aov::Samples => alpha,
         _ if alpha > 0.0 => sum / alpha,
         Aov::Depth => f32::INFINITY,
-        Aov::Normal | Aov::Velocity | Aov::Error | Aov::Object => 0.0,
+        Aov::Normal | Aov::Velocity | Aov::Error | Aov::LodError | Aov::Object => 0.0,
     }
 }

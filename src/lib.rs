@@ -73,6 +73,12 @@ pub mod time;
 pub mod sampling;
 
 #[doc(hidden)]
+pub mod film;
+
+#[doc(hidden)]
+pub mod options;
+
+#[doc(hidden)]
 pub mod gltf;
 
 #[doc(hidden)]
@@ -88,9 +94,6 @@ pub mod environment;
 pub mod scene;
 
 #[doc(hidden)]
-pub mod film;
-
-#[doc(hidden)]
 pub mod image;
 
 #[cfg(feature = "movie")]
@@ -99,9 +102,6 @@ pub mod movie;
 
 #[doc(hidden)]
 pub mod scene_file;
-
-#[doc(hidden)]
-pub mod options;
 
 #[doc(hidden)]
 pub mod plan;

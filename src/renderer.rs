@@ -2,6 +2,7 @@
 
 mod queue;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -9,13 +10,13 @@ use crate::auto;
 use crate::backend::cpu::Cpu;
 use crate::backend::{Backend, BackendError, Meter};
 use crate::files;
-use crate::film::{Aov, Picture};
+use crate::film::{Aov, Layer, Picture};
 use crate::frame::Frame;
 use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{Cut, CutTolerance, Object, Scene, Shape};
+use crate::scene::{BlockErrors, Cut, CutTolerance, Object, Scene, Shape};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
@@ -269,10 +270,9 @@ pub(crate) fn render_checked(
 ) -> Result<Rendered, BackendError> {
     let scene = &*scene.at_frame(frame.get())?;
     check(scene, options)?;
-    let Cut { scene, error } = as_fine(scene, frame, options);
-    let mut rendered = render_fine(backend, &scene, frame, options)?;
-    rendered.stats.add_detail(error);
-    Ok(rendered)
+    let Cut { scene, errors } = as_fine(scene, frame, options);
+    let rendered = render_fine(backend, &scene, frame, &of_backend(options))?;
+    Ok(with_detail(rendered, &errors, options))
 }
 
 /// The same, of a scene with the surfels that the frame needs.
@@ -283,7 +283,7 @@ fn render_fine(
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
     if options.look.aovs.contains(&Aov::Object) {
-        let rendered = render_checked(backend, scene, frame, &without_objects(options))?;
+        let rendered = render_checked(backend, scene, frame, &without(options, Aov::Object))?;
         return objects::add_layer(backend, scene, frame, options, rendered);
     }
     if options.reconstruct {
@@ -307,6 +307,37 @@ fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) ->
     }
 }
 
+/// The options without the layer that [`with_detail`] makes.
+fn of_backend(options: &RenderOptions) -> Cow<'_, RenderOptions> {
+    if options.look.aovs.contains(&Aov::LodError) {
+        Cow::Owned(without(options, Aov::LodError))
+    } else {
+        Cow::Borrowed(options)
+    }
+}
+
+/// Adds the error of a cut to what is stated of a picture of it.
+fn with_detail(mut rendered: Rendered, errors: &BlockErrors, options: &RenderOptions) -> Rendered {
+    rendered.stats.add_detail(errors.whole());
+    let picture = &mut rendered.picture;
+    let is_stated = |layer: &&mut Layer| layer.aov == Aov::Error;
+    let wanted = options.look.aovs.contains(&Aov::LodError);
+    if !wanted && !picture.layers.iter_mut().any(|layer| is_stated(&&mut *layer)) {
+        return rendered;
+    }
+    let plane = errors.plane([picture.width, picture.height]);
+    for layer in picture.layers.iter_mut().filter(is_stated) {
+        for value in layer.planes.iter_mut().flat_map(|own| own.iter_mut().zip(&plane)) {
+            *value.0 = value.0.hypot(*value.1);
+        }
+    }
+    if wanted {
+        picture.layers.push(Layer { aov: Aov::LodError, planes: vec![plane], names: Vec::new() });
+        picture.layers.sort_by_key(|layer| layer.aov);
+    }
+    rendered
+}
+
 /// A frame that `backend` can begin, unless it is stopped meanwhile.
 fn posed(
     backend: &dyn Backend,
@@ -321,10 +352,10 @@ fn posed(
     if stop.is_set() { Err(BackendError::Stopped) } else { Ok(frame) }
 }
 
-/// The options of the picture before [`objects::add_layer`].
-fn without_objects(options: &RenderOptions) -> RenderOptions {
+/// The options of a picture before a layer is added to it.
+fn without(options: &RenderOptions, layer: Aov) -> RenderOptions {
     let mut options = options.clone();
-    options.look.aovs.retain(|&aov| aov != Aov::Object);
+    options.look.aovs.retain(|&aov| aov != layer);
     options
 }
 

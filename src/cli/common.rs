@@ -41,6 +41,7 @@ Modes: NAME[:COUNTS][+OPTION=VALUE]...
   volumetric:10               N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord or
                               =line (or +chord, +line), +alpha=sum (or +sum), +normalise=once (or +once), +overlap=S,
                               +source-samples=K, +pixel-samples=P; +published: all as in Wolf (2008)
+All take +filter=F, +prefilter=P and +detail=D, which say what --filter, --prefilter and --detail do.
 Counts may be left out; those shown are the defaults (auto: good).";
 
 /// Values that replace those of the scene.
@@ -106,9 +107,9 @@ impl Overrides {
 #[derive(Debug, Args)]
 pub(super) struct Sampling {
     /// What a pixel is a mean of: its square (box), its centre (point), or a Gaussian about it, cut at 2 SIGMA
-    /// (gaussian:SIGMA in pixels, 0.25 to 4; gaussian is gaussian:1).
-    #[arg(long, value_name = "FILTER", default_value_t, help_heading = "Sampling")]
-    pub(super) filter: PixelFilter,
+    /// (gaussian:SIGMA in pixels, 0.25 to 4; gaussian is gaussian:1) [default: box].
+    #[arg(long, value_name = "FILTER", help_heading = "Sampling")]
+    pub(super) filter: Option<PixelFilter>,
     /// Seed of positions and times.
     #[arg(long, value_name = "S", default_value_t = 1, allow_hyphen_values = true, help_heading = "Sampling")]
     pub(super) seed: u64,
@@ -144,7 +145,7 @@ impl Surfaces {
     /// The look of a picture: surfaces, where its samples are, and its extra channels.
     pub(super) fn look(&self, sampling: &Sampling, aovs: Vec<Aov>) -> Look {
         Look {
-            filter: sampling.filter,
+            filter: sampling.filter.unwrap_or_default(),
             shading: self.shading,
             two_sided: self.two_sided,
             epsilon: self.epsilon,
@@ -166,14 +167,9 @@ pub(super) struct Splatting {
     )]
     pub(super) prefilter: Option<Prefilter>,
     /// How fine the surfels are that show. Where many lie within a pixel, or blur washes them out, fewer and larger
-    /// ones take their place. `auto` goes with --error, and is `good` in other modes; `full` shows all.
-    #[arg(
-        long,
-        default_value_t,
-        value_parser = values::one_of::<Detail>(Detail::WORDS),
-        help_heading = "Surfaces"
-    )]
-    pub(super) detail: Detail,
+    /// ones take their place. auto goes with --error, and is good in other modes; full shows all [default: auto].
+    #[arg(long, value_parser = values::one_of::<Detail>(Detail::WORDS), help_heading = "Surfaces")]
+    pub(super) detail: Option<Detail>,
     #[command(flatten)]
     pub(super) limit: Limit,
 }

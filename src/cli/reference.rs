@@ -287,8 +287,8 @@ impl Reference {
             meshes: self.meshes,
             look: self.surfaces.look(&self.sampling, self.images.aovs()?),
         };
-        if options.look.aovs.contains(&Aov::Object) {
-            bail!("--aov object is for `splatblur render`");
+        if let Some(other) = options.look.aovs.iter().find(|aov| matches!(aov, Aov::LodError | Aov::Object)) {
+            bail!("--aov {} is for `splatblur render`", other.name());
         }
         if options.look.aovs.contains(&Aov::Error) {
             bail!("--aov: a reference always has its error (others: alpha, depth, normal, velocity, samples)");

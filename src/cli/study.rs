@@ -18,9 +18,8 @@ pub(super) static MODES: LazyLock<String> = LazyLock::new(|| {
         "{}\n\
 Here there is also, with another seed than --reference:
   reference:1024              ray-traced, SPP samples of a pixel (a multiple of 16)
-A mode may have filters of its own, as in supersample:8+filter=gaussian:1+prefilter=ewa. It is compared with the
-reference of its own pixel filter. It may end in @cpu or @gpu, the backend that renders it. The reference keeps the
-scene's depth tolerance and has no prefilter.",
+A mode with a filter of its own is compared with the reference of that filter. It may end in @cpu or @gpu, the backend
+that renders it. The reference keeps the scene's depth tolerance, has no prefilter, and shows all detail.",
         common::MODES
     )
 });
@@ -72,7 +71,7 @@ impl Common {
         let options = RenderOptions {
             // A study may render on both.
             memory: self.splatting.limit.memory("gpu", self.running.quiet),
-            detail: self.splatting.detail,
+            detail: self.splatting.detail.unwrap_or_default(),
             look: self.surfaces.look(&self.sampling, Vec::new()),
             ..RenderOptions::default()
         };

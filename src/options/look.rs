@@ -29,7 +29,7 @@ pub struct Look {
     /// Seed of sub-pixel offsets and of random times. Default: 1.
     pub seed: u64,
     /// Extra channels, in the order of [`Aov::LAYERS`], each at most once. Default: none. A reference cannot make
-    /// [`Aov::Object`], and it always has [`Aov::Error`].
+    /// [`Aov::LodError`] and [`Aov::Object`], and it always has [`Aov::Error`].
     pub aovs: Vec<Aov>,
 }
 

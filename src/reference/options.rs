@@ -59,7 +59,7 @@ impl ReferenceOptions {
     ///
     /// # Errors
     /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error. The look is not
-    /// valid, or asks for [`Aov::Object`].
+    /// valid, or asks for [`Aov::LodError`] or [`Aov::Object`].
     pub fn check(&self) -> Result<(), ReferenceError> {
         let samples = self.samples;
         if samples > MOST_SAMPLES {
@@ -76,9 +76,9 @@ impl ReferenceOptions {
 
     fn check_look(&self) -> Result<(), ReferenceError> {
         self.look.check().map_err(|e| e.within("options.look"))?;
-        if self.look.aovs.contains(&Aov::Object) {
+        if let Some(other) = self.look.aovs.iter().find(|aov| matches!(aov, Aov::LodError | Aov::Object)) {
             let expected = format!("channels of a reference: {}, error", Aov::ALL.map(Aov::name).join(", "));
-            return Err(Invalid::new("options.look.aovs", Aov::Object.name(), expected).into());
+            return Err(Invalid::new("options.look.aovs", other.name(), expected).into());
         }
         Ok(())
     }

@@ -6,11 +6,11 @@
 
 use std::collections::VecDeque;
 
-use super::{as_fine, check, check_values, finite, posed, render_frame};
+use super::{as_fine, check, check_values, finite, of_backend, posed, render_frame, with_detail};
 use crate::backend::{Backend, BackendError, Rendered};
 use crate::film::Aov;
 use crate::options::{Quality, RenderOptions};
-use crate::scene::{Cut, Scene};
+use crate::scene::{BlockErrors, Cut, Scene};
 use crate::time::FrameNumber;
 
 /// Frames of a scene that are rendered one after the other, and leave in the order in which they came.
@@ -59,7 +59,7 @@ struct Waiting<T> {
 
 enum State {
     /// The backend works on it. The error by what its surfels leave out.
-    UnderWay(f64),
+    UnderWay(BlockErrors),
     /// It is rendered, or need not be.
     Done(Option<Box<Rendered>>),
 }
@@ -116,12 +116,9 @@ impl<'a, T> FrameQueue<'a, T> {
         let Some(Waiting { number, tag, state }) = self.waiting.pop_front() else { return Ok(None) };
         let rendered = match state {
             State::Done(rendered) => rendered.map(|rendered| *rendered),
-            State::UnderWay(error) => {
-                let mut rendered = self.backend.finish().map_err(|cause| FrameError { number, cause })?;
-                if let Some(rendered) = &mut rendered {
-                    rendered.stats.add_detail(error);
-                }
-                rendered
+            State::UnderWay(errors) => {
+                let rendered = self.backend.finish().map_err(|cause| FrameError { number, cause })?;
+                rendered.map(|rendered| with_detail(rendered, &errors, self.options))
             }
         };
         Ok(Some(FinishedFrame { number, tag, rendered }))
@@ -138,10 +135,10 @@ impl<'a, T> FrameQueue<'a, T> {
         };
         let scene = self.scene.at_frame(finite(number)?.get())?;
         check(&scene, options)?;
-        let Cut { scene, error } = as_fine(&scene, number, options);
-        let frame = posed(self.backend, &scene, number, mode, options)?;
+        let Cut { scene, errors } = as_fine(&scene, number, options);
+        let frame = posed(self.backend, &scene, number, mode, &of_backend(options))?;
         self.backend.begin(frame)?;
-        Ok(State::UnderWay(error))
+        Ok(State::UnderWay(errors))
     }
 }
 

@@ -3,6 +3,10 @@
 //! One cut serves a whole exposure. It depends on scene, frame and tolerance alone, never on the frame before, so that
 //! any part of a sequence can be rendered by itself.
 
+mod blocks;
+
+pub(crate) use blocks::BlockErrors;
+
 use std::borrow::Cow;
 
 use glam::{DMat3, DMat4, DVec2, DVec3};
@@ -12,6 +16,7 @@ use super::shape::Shape;
 use super::values::{Object, Scene};
 use crate::math::{focal_length, norm};
 use crate::model::levels::{Levels, Node};
+use crate::options::{Detail, Quality};
 
 /// Tolerances at an error of 1. At `good`, which is .025, they are .005 of white and .05 pixels.
 const REST: f64 = 0.2;
@@ -54,15 +59,15 @@ impl CutTolerance {
 pub(crate) struct Cut<'a> {
     /// The same as before where none is left out.
     pub(crate) scene: Cow<'a, Scene>,
-    /// Estimated error by colours and outlines that it leaves out: root mean square of display values over the image.
-    /// What hides what is not looked at, so it may be larger than what shows.
-    pub(crate) error: f64,
+    /// Estimated error by colours and outlines that it leaves out. What hides what is not looked at, so it may be
+    /// larger than what shows.
+    pub(crate) errors: BlockErrors,
 }
 
 impl<'a> Cut<'a> {
     /// All surfels.
     pub(crate) fn whole(scene: &'a Scene) -> Self {
-        Self { scene: Cow::Borrowed(scene), error: 0.0 }
+        Self { scene: Cow::Borrowed(scene), errors: BlockErrors::default() }
     }
 }
 
@@ -72,12 +77,17 @@ impl Scene {
     /// Models keep all their surfels where they are few, or loose, or move by themselves, and where light passes
     /// through them.
     pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance) -> Cut<'_> {
-        let mut sum = 0.0;
+        let image = ImagePlane::of(self);
+        let mut errors = BlockErrors::of_size(image.size);
         let cut = |object: &Object| {
             let Shape::Surfels { model, surface, points } = &object.shape else { return None };
             if object.is_see_through() {
                 return None;
             }
+            let tolerance = match object.detail {
+                None | Some(Detail::Auto) => tolerance,
+                Some(own) => CutTolerance::of(own.error(Quality::default())?),
+            };
             let mirrors = if self.environment.is_some() { surface.reflection } else { 0.0 };
             let model = model.cut(|levels| {
                 let views = views(self, object, number);
@@ -85,11 +95,10 @@ impl Scene {
                 let mut nodes = Vec::new();
                 if !views.is_empty() {
                     let (rolls, parts) = (self.shutter.readout.rolls(), Vec::new());
-                    let image = ImageArea::of(self);
+                    let errors = &mut errors;
                     let mut chooser =
-                        Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, image, error: 0.0 };
+                        Chooser { levels, views, tolerance, origin, mirrors, rolls, parts, image, errors };
                     chooser.choose(0, &mut nodes);
-                    sum += chooser.error;
                 }
                 nodes
             })?;
@@ -99,14 +108,13 @@ impl Scene {
         if shapes.iter().all(Option::is_none) {
             return Cut::whole(self);
         }
-        let pixels = f64::from(self.image.width) * f64::from(self.image.height);
         let objects = self.objects.iter().zip(shapes);
         let objects = objects.map(|(object, shape)| match shape {
             Some(shape) => Object { shape, ..object.clone() },
             None => object.clone(),
         });
         let scene = Cow::Owned(Self { objects: objects.collect(), ..self.clone() });
-        Cut { scene, error: (sum / pixels).sqrt() }
+        Cut { scene, errors }
     }
 }
 
@@ -145,25 +153,18 @@ fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
     views
 }
 
-/// The image about the camera's axis, pixels, y up.
+/// Where the image lies about the camera's axis, pixels.
 #[derive(Clone, Copy)]
-struct ImageArea {
-    low: DVec2,
-    high: DVec2,
+struct ImagePlane {
+    size: DVec2,
+    /// The point of the axis, from the upper left corner, y down.
+    axis: DVec2,
 }
 
-impl ImageArea {
+impl ImagePlane {
     fn of(scene: &Scene) -> Self {
         let size = DVec2::new(scene.image.width.into(), scene.image.height.into());
-        let middle = scene.camera.shift * size * DVec2::new(-1.0, 1.0);
-        Self { low: middle - 0.5 * size, high: middle + 0.5 * size }
-    }
-
-    /// Share of a square about `place`, of twice `radius`, that lies on the image.
-    fn share(self, place: DVec2, radius: f64) -> f64 {
-        let inside = (place + radius).min(self.high) - (place - radius).max(self.low);
-        let share = inside.max(DVec2::ZERO) / (2.0 * radius).max(f64::MIN_POSITIVE);
-        share.x * share.y
+        Self { size, axis: (0.5 + scene.camera.shift) * size }
     }
 }
 
@@ -178,9 +179,9 @@ struct Chooser<'a> {
     rolls: bool,
     /// Lengths of the paths of a node in the parts of the exposure, pixels.
     parts: Vec<f64>,
-    image: ImageArea,
-    /// What the chosen nodes leave out: the square of it, times pixels.
-    error: f64,
+    image: ImagePlane,
+    /// What the chosen nodes leave out.
+    errors: &'a mut BlockErrors,
 }
 
 impl Chooser<'_> {
@@ -192,7 +193,7 @@ impl Chooser<'_> {
             return cut.push(node);
         }
         if let Some(error) = self.error_if_fine(of) {
-            self.error += self.square_error(of, error);
+            self.add_error(of, error);
             return cut.push(node);
         }
         of.children.clone().for_each(|child| self.choose(child, cut));
@@ -217,28 +218,26 @@ impl Chooser<'_> {
         (blurred <= self.tolerance.rest).then_some(blurred)
     }
 
-    /// The square of what the picture misses by a node at mid-exposure, times pixels: `rest` where its fronts show, and
-    /// a strip as wide as its deviation where an outline may run through it.
-    fn square_error(&self, node: &Node, rest: f64) -> f64 {
+    /// Adds what the picture misses by a node at mid-exposure: `rest` where its fronts show, and a strip as wide as its
+    /// deviation where an outline may run through it.
+    fn add_error(&mut self, node: &Node, rest: f64) {
         let view = &self.views[self.views.len() / 2];
         let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
         let centre = 0.5 * (low + high);
         let place = view.camera_from_model.transform_point3(centre);
         let density = view.pixels / place.length().max(view.near);
         let radius = 0.5 * (high - low).length() * density;
-        let seen = if -place.z > view.near {
-            self.image.share(place.truncate() * (view.focal / -place.z), radius)
-        } else {
-            0.0
-        };
+        if -place.z <= view.near {
+            return;
+        }
+        let on_image = self.image.axis + place.truncate() * DVec2::new(1.0, -1.0) * (view.focal / -place.z);
         // Each surfel stands for a square of the distance to the next.
         let edge = f64::from(node.spacing) * density;
         let area = node.len() as f64 * edge * edge;
         let facing = node.axis.as_dvec3().dot((view.eye - centre).normalize_or_zero());
         let outline = if facing.abs() < OUTLINE { area.sqrt() } else { 0.0 };
         let strip = CONTRAST * f64::from(node.deviation) * density;
-        let whole = rest * rest * area * facing.max(0.0) + strip * strip * outline;
-        seen * whole
+        self.errors.add(on_image, radius, rest * rest * area * facing.max(0.0) + strip * strip * outline);
     }
 
     /// Pixels of a length of 1 of the model at its nearest.

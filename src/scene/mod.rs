@@ -16,7 +16,7 @@ mod unseen;
 mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
-pub(crate) use self::cut::{Cut, CutTolerance};
+pub(crate) use self::cut::{BlockErrors, Cut, CutTolerance};
 pub(crate) use self::detail::{SURFELS, wanted_spacing};
 pub use self::model::{GaussianModel, SurfelModel};
 pub(crate) use self::sequence::Opened;

@@ -12,6 +12,7 @@ use crate::files::Seen;
 use crate::math::{Bounds, Trs};
 use crate::model::paths::elapsed;
 use crate::model::{self, Cloud, LoadOptions, ModelError, VelocityUnit};
+use crate::options::Detail;
 use crate::time::Shutter;
 
 /// Objects, lights and a camera, with the image, the frames and the shutter: all that is rendered.
@@ -233,6 +234,9 @@ pub struct Object {
     pub opacity: f64,
     /// Depth tolerance of the visibility rule, world units; `None`: [`Shape::tolerance`] times the object's scale.
     pub epsilon: Option<f64>,
+    /// How fine its surfels are; `None` and [`Detail::Auto`]: as the picture asks. Where the picture asks for
+    /// [`Detail::Full`], all of them show.
+    pub detail: Option<Detail>,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
 }
@@ -255,6 +259,7 @@ impl Object {
             place: Trs::default(),
             opacity: 1.0,
             epsilon: None,
+            detail: None,
             blur: true,
             shape: shape.into(),
         }

@@ -315,6 +315,7 @@ impl Files<'_> {
             motions: spec.motions,
             place: spec.place,
             epsilon: spec.epsilon,
+            detail: spec.detail,
             opacity,
             blur: spec.blur,
             ..Object::new(shape)
@@ -388,6 +389,9 @@ impl Files<'_> {
         }
         if (is_capture || is_volume) && spec.two_sided == Some(true) {
             note("`twoSided` is for surfels, and means");
+        }
+        if spec.detail.is_some() && !matches!(shape, Shape::Surfels { .. }) {
+            note("`detail` is for models of surfels, and means");
         }
     }
 

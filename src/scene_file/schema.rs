@@ -333,6 +333,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 "depth tolerance of visibility, scene units",
             ),
             row(
+                "detail",
+                ValueKind::Choice(&["draft", "good", "final", "full"]),
+                Auto("as the picture asks"),
+                "how fine its surfels are (detail.md); with `--detail full` all show",
+            ),
+            row(
                 "velocityUnit",
                 ValueKind::Choice(&["second", "frame"]),
                 Auto("by the file"),

@@ -16,6 +16,7 @@ use crate::math::Trs;
 use crate::model::{
     ColourSpace, Kind, LoadOptions, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions,
 };
+use crate::options::Detail;
 use crate::scene::{AnimationBinding, Camera, Drawing, Light, Motion, Object, PointMotion, Scene, Shape};
 use crate::time::{Shutter, Weight};
 
@@ -161,6 +162,8 @@ impl Xml {
         let surface = object.shape.surface();
         attributes.extend(surface.map(|surface| ("twoSided", surface.two_sided.to_string())));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
+        let detail = object.detail.filter(|&detail| detail != Detail::Auto);
+        attributes.extend(detail.map(|detail| ("detail", detail.to_string())));
         let points = match &object.shape {
             Shape::Surfels { points, .. } => *points,
             Shape::Sequence { unit, .. } => PointMotion { unit: *unit, at: None },

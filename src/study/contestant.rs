@@ -1,12 +1,12 @@
-//! Who takes part in a study: modes, the reference among them, each with its filters and on a backend. As text:
-//! `MODE[+filter=FILTER][+prefilter=PREFILTER][@BACKEND]`.
+//! Who takes part in a study: modes, the reference among them, each with its choices and on a backend. As text:
+//! `MODE[+filter=FILTER][+prefilter=PREFILTER][+detail=DETAIL][@BACKEND]`.
 //!
 //! The modes of splatting are those of [`crate::options`]; `reference:SPP` is a mode of studies only.
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::options::{BlurMode, ModeName, OptionError, PixelFilter, Prefilter, Quality, words};
+use crate::options::{BlurMode, Detail, ModeName, OptionError, PixelFilter, Prefilter, Quality, words};
 use crate::reference::SCRAMBLINGS;
 
 /// Samples of a pixel of a reference of which the text says nothing more.
@@ -31,9 +31,12 @@ pub enum ContestantError {
     /// References are traced on the CPU.
     #[error("the reference is always made on the CPU")]
     ReferenceBackend,
-    /// References have no prefilter.
-    #[error("the reference has no prefilter (it takes: filter)")]
-    ReferencePrefilter,
+    /// References have no prefilter, and show all detail.
+    #[error("the reference has no {choice} (it takes: filter)")]
+    ReferenceChoice {
+        /// What it has not.
+        choice: &'static str,
+    },
     /// Something is wrong in one of a list.
     #[error("mode `{mode}`: {what}")]
     InList {
@@ -149,56 +152,66 @@ pub fn reference_samples(text: &str) -> Result<u64, ContestantError> {
     samples.ok_or_else(|| ContestantError::ReferenceSamples { found: text.to_owned() })
 }
 
-/// The filters that a mode asks for; `None`: those that hold for all modes.
+/// What a mode asks for beside its own parts; `None`: as it is for all modes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Filters {
+pub struct Choices {
     /// What a pixel is a mean of. The mode is compared with the reference that has the same.
     pub filter: Option<PixelFilter>,
     /// Screen-space prefilter; of splatting only.
     pub prefilter: Option<Prefilter>,
+    /// How fine the surfels are that show; of splatting only.
+    pub detail: Option<Detail>,
 }
 
-impl Filters {
+impl Choices {
     /// Those that `text` asks for, and the text without them.
-    fn split(text: &str) -> Result<(Self, String), ContestantError> {
-        let mut filters = Self::default();
+    ///
+    /// # Errors
+    /// One has no such value, or is there twice.
+    pub fn split(text: &str) -> Result<(Self, String), ContestantError> {
+        let mut choices = Self::default();
         let mut rest: Vec<&str> = Vec::new();
         let mut seen: Vec<&str> = Vec::new();
         for part in text.split('+') {
             match part.split_once('=') {
                 Some((name @ "filter", value)) => {
                     seen.push(name);
-                    filters.filter = Some(value.parse()?);
+                    choices.filter = Some(value.parse()?);
                 }
                 Some((name @ "prefilter", value)) => {
                     seen.push(name);
-                    filters.prefilter = Some(value.parse()?);
+                    choices.prefilter = Some(value.parse()?);
+                }
+                Some((name @ "detail", value)) => {
+                    seen.push(name);
+                    choices.detail = Some(value.parse()?);
                 }
                 _ => rest.push(part),
             }
         }
         match seen.iter().find(|&name| seen.iter().filter(|&other| other == name).count() > 1) {
             Some(name) => Err(OptionError::Twice { option: (*name).to_owned() }.into()),
-            None => Ok((filters, rest.join("+"))),
+            None => Ok((choices, rest.join("+"))),
         }
     }
 }
 
-/// As in `+filter=gaussian:1+prefilter=ewa`; nothing where nothing is asked for.
-impl fmt::Display for Filters {
+/// As in `+filter=gaussian:1+prefilter=ewa+detail=full`; nothing where nothing is asked for.
+impl fmt::Display for Choices {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.filter.map_or(Ok(()), |filter| write!(f, "+filter={filter}"))?;
-        self.prefilter.map_or(Ok(()), |prefilter| write!(f, "+prefilter={prefilter}"))
+        self.prefilter.map_or(Ok(()), |prefilter| write!(f, "+prefilter={prefilter}"))?;
+        self.detail.map_or(Ok(()), |detail| write!(f, "+detail={detail}"))
     }
 }
 
-/// One of a list of modes: a method and, perhaps, the filters and the backend that it asks for.
+/// One of a list of modes: a method and, perhaps, the choices and the backend that it asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
     /// How the picture is made.
     pub method: Method,
-    /// With which filters.
-    pub filters: Filters,
+    /// With which choices.
+    pub choices: Choices,
     /// `None`: not said.
     pub backend: Option<BackendKind>,
 }
@@ -207,7 +220,7 @@ pub struct Entry {
 impl fmt::Display for Entry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.method.fmt(f)?;
-        self.filters.fmt(f)?;
+        self.choices.fmt(f)?;
         self.backend.map_or(Ok(()), |backend| write!(f, "@{backend}"))
     }
 }
@@ -221,15 +234,20 @@ impl FromStr for Entry {
             Some((rest, backend)) => (rest, Some(backend.parse()?)),
             None => (text, None),
         };
-        let (filters, text) = Filters::split(text)?;
+        let (choices, text) = Choices::split(text)?;
         let method: Method = text.parse()?;
         if method.is_traced() && backend.is_some_and(|backend| backend != BackendKind::Cpu) {
             return Err(ContestantError::ReferenceBackend);
         }
-        if method.is_traced() && filters.prefilter.is_some() {
-            return Err(ContestantError::ReferencePrefilter);
+        let has_not = match choices {
+            Choices { prefilter: Some(_), .. } => Some("prefilter"),
+            Choices { detail: Some(_), .. } => Some("detail"),
+            _ => None,
+        };
+        if let (true, Some(choice)) = (method.is_traced(), has_not) {
+            return Err(ContestantError::ReferenceChoice { choice });
         }
-        Ok(Self { method, filters, backend })
+        Ok(Self { method, choices, backend })
     }
 }
 
@@ -266,13 +284,13 @@ pub fn backends(text: &str) -> Result<Vec<BackendKind>, ContestantError> {
     Ok(backends)
 }
 
-/// A method with its filters on a backend.
+/// A method with its choices on a backend.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contestant {
     /// How the picture is made.
     pub method: Method,
-    /// With which filters.
-    pub filters: Filters,
+    /// With which choices.
+    pub choices: Choices,
     /// What makes it.
     pub backend: BackendKind,
 }
@@ -291,7 +309,7 @@ impl Contestant {
                 (None, Method::Splat(_)) => backends.to_vec(),
             };
             for backend in of_entry {
-                let contestant = Self { method: entry.method, filters: entry.filters, backend };
+                let contestant = Self { method: entry.method, choices: entry.choices, backend };
                 if contestants.contains(&contestant) {
                     return Err(ContestantError::Twice { what: "mode", name: contestant.to_string() });
                 }
@@ -303,12 +321,12 @@ impl Contestant {
 
     /// The contestant without its backend.
     pub fn mode(&self) -> String {
-        format!("{}{}", self.method, self.filters)
+        format!("{}{}", self.method, self.choices)
     }
 
     /// The mode without its counts, as [`Method::family`] has it.
     pub fn family(&self) -> String {
-        format!("{}{}", self.method.family(), self.filters)
+        format!("{}{}", self.method.family(), self.choices)
     }
 }
 
@@ -333,15 +351,19 @@ mod tests {
     #[test]
     fn entries_are_read() {
         let two = Method::Splat(BlurMode::interleaved(8, Interleave::Two).into());
-        let filters = Filters::default();
-        assert_eq!(entry(" supersample:8+interleave=2 "), Entry { method: two, filters, backend: None });
+        let choices = Choices::default();
+        assert_eq!(entry(" supersample:8+interleave=2 "), Entry { method: two, choices, backend: None });
         let cpu = Some(BackendKind::Cpu);
-        assert_eq!(entry("supersample:8+interleave=2@cpu"), Entry { method: two, filters, backend: cpu });
-        let filters = Filters { filter: Some(PixelFilter::Gaussian { sigma: 0.5 }), prefilter: Some(Prefilter::Ewa) };
-        let text = "supersample:8+interleave=2+filter=gaussian:0.5+prefilter=ewa@cpu";
-        assert_eq!(entry(text), Entry { method: two, filters, backend: cpu });
+        assert_eq!(entry("supersample:8+interleave=2@cpu"), Entry { method: two, choices, backend: cpu });
+        let choices = Choices {
+            filter: Some(PixelFilter::Gaussian { sigma: 0.5 }),
+            prefilter: Some(Prefilter::Ewa),
+            detail: Some(Detail::Full),
+        };
+        let text = "supersample:8+interleave=2+filter=gaussian:0.5+prefilter=ewa+detail=full@cpu";
+        assert_eq!(entry(text), Entry { method: two, choices, backend: cpu });
         assert_eq!(entry(text).to_string(), text);
-        assert_eq!(entry("supersample:8+prefilter=ewa+interleave=2+filter=gaussian:0.5@cpu"), entry(text));
+        assert_eq!(entry("supersample:8+prefilter=ewa+interleave=2+detail=full+filter=gaussian:0.5@cpu"), entry(text));
         assert_eq!(entry("reference:64+filter=gaussian").to_string(), "reference:64+filter=gaussian:1");
         assert_eq!(entry("reference:64").method, Method::Reference(64));
         assert_eq!(entry("reference@cpu").to_string(), "reference:1024@cpu");
@@ -368,6 +390,9 @@ mod tests {
             ("still@", "is no backend"),
             ("reference:16@gpu", "always made on the CPU"),
             ("reference:16+prefilter=ewa", "has no prefilter"),
+            ("reference:16+detail=good", "has no detail"),
+            ("still+detail=fine", "`fine` is no detail"),
+            ("still+detail=good+detail=full", "`detail`"),
             ("still+filter=tent", "`tent` is no pixel filter (there are: box, point, gaussian[:SIGMA])"),
             ("still+filter=gaussian:9", "0.25 to 4 pixels"),
             ("still+filter=box+filter=point", "`filter`"),
@@ -404,9 +429,10 @@ mod tests {
         ];
         let prefilter = prop::sample::select(vec![None, Some(Prefilter::Approx), Some(Prefilter::Ewa)]);
         let backend = prop::sample::select(vec![None, Some(BackendKind::Cpu)]);
-        (method, filter, prefilter, backend).prop_map(|(method, filter, prefilter, backend)| {
-            let prefilter = prefilter.filter(|_| !method.is_traced());
-            Entry { method, filters: Filters { filter, prefilter }, backend }
+        let detail = prop::sample::select(vec![None, Some(Detail::Auto), Some(Detail::Full)]);
+        (method, filter, prefilter, detail, backend).prop_map(|(method, filter, prefilter, detail, backend)| {
+            let (prefilter, detail) = if method.is_traced() { (None, None) } else { (prefilter, detail) };
+            Entry { method, choices: Choices { filter, prefilter, detail }, backend }
         })
     }
 

@@ -76,7 +76,7 @@ impl Experiment {
 
     /// The pixel filters of the contestants.
     fn filters(&self, trial: &Trial<'_>) -> Vec<PixelFilter> {
-        trial.filters_of(self.contestants.iter().map(|contestant| contestant.filters))
+        trial.filters_of(self.contestants.iter().map(|contestant| contestant.choices))
     }
 
     /// Renders what is missing in the store, and compares all. Modes that are missing are measured in turn, after one
@@ -186,7 +186,7 @@ impl Experiment {
                 reference_seconds += WallTimes::of(&times(&path, &settings).unwrap_or_default()).median;
                 floors.push(Floor::of(&reference)?.ok_or(StudyError::NoStandardError)?);
                 for (mode, &contestant) in modes.iter_mut().zip(&self.contestants) {
-                    if trial.filter_of(contestant.filters) == filter {
+                    if trial.filter_of(contestant.choices) == filter {
                         *mode = Some(measure(trial, store, frame, contestant, &reference, &regions)?);
                     }
                 }

@@ -62,7 +62,7 @@ impl LineUp {
 
     /// The pixel filters of the modes.
     fn filters(&self, trial: &Trial<'_>) -> Vec<PixelFilter> {
-        trial.filters_of(self.entries.iter().map(|entry| entry.filters))
+        trial.filters_of(self.entries.iter().map(|entry| entry.choices))
     }
 
     /// Renders the frame in all modes.
@@ -86,7 +86,7 @@ impl LineUp {
         for entry in &self.entries {
             let name = entry.to_string();
             let backend = entry.backend.unwrap_or(BackendKind::Cpu);
-            let contestant = Contestant { method: entry.method, filters: entry.filters, backend };
+            let contestant = Contestant { method: entry.method, choices: entry.choices, backend };
             for turn in 1..=renderings(entry) {
                 let share = |share| tell(StudyProgress::At { step, what: &name, share });
                 share(0.0);
@@ -107,7 +107,7 @@ impl LineUp {
                 most_different(&pictures, width, height)?
             }
         };
-        let filters = self.entries.iter().map(|entry| trial.filter_of(entry.filters));
+        let filters = self.entries.iter().map(|entry| trial.filter_of(entry.choices));
         Ok(Shots { references, of_entries: filters.zip(shots).collect(), crop })
     }
 

@@ -19,7 +19,7 @@ mod thesis;
 mod trial;
 
 pub use self::contestant::{
-    BackendKind, Contestant, ContestantError, Entry, Filters, Method, backends, entries, reference_samples,
+    BackendKind, Choices, Contestant, ContestantError, Entry, Method, backends, entries, reference_samples,
 };
 pub use self::error::StudyError;
 pub use self::experiment::{Experiment, StudyProgress, Tell};

@@ -36,12 +36,12 @@ pub(super) fn pictures_of(
     contestants: &[Contestant],
 ) -> Result<FramePictures, StudyError> {
     let mut references = Vec::new();
-    for filter in trial.filters_of(contestants.iter().map(|contestant| contestant.filters)) {
+    for filter in trial.filters_of(contestants.iter().map(|contestant| contestant.choices)) {
         references.push((filter, image::read(&store.path_of_judge(trial, frame, filter))?));
     }
     let mut modes = Vec::new();
     for contestant in contestants {
-        let filter = trial.filter_of(contestant.filters);
+        let filter = trial.filter_of(contestant.choices);
         let Some((_, reference)) = references.iter().find(|(of, _)| *of == filter) else { continue };
         let picture = image::read(&store.path(frame, &contestant.to_string()))?;
         let map = flip::map(&picture, reference)?;

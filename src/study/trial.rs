@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::StudyError;
-use super::contestant::{BackendKind, Contestant, Filters, Method};
+use super::contestant::{BackendKind, Choices, Contestant, Method};
 use super::provenance::{Provenance, Settings};
 use super::report::STRATA;
 use crate::film::{Aov, Picture};
@@ -126,7 +126,7 @@ impl<'a> Trial<'a> {
         match contestant.method {
             Method::Splat(quality) => {
                 let aovs = if matches!(quality, Quality::Error(_)) { vec![Aov::Samples] } else { Vec::new() };
-                let options = self.splatting(quality, contestant.filters, aovs);
+                let options = self.splatting(quality, contestant.choices, aovs);
                 // Opening a device is no part of rendering.
                 self.backends.get(contestant.backend)?;
                 let start = Instant::now();
@@ -134,7 +134,7 @@ impl<'a> Trial<'a> {
                 Ok(Shot { picture, seconds: start.elapsed().as_secs_f64() })
             }
             Method::Reference(samples) => {
-                let filter = self.filter_of(contestant.filters);
+                let filter = self.filter_of(contestant.choices);
                 self.trace(&self.tracing(samples, filter, self.seed_of_others()), frame, share)
             }
         }
@@ -160,12 +160,12 @@ impl<'a> Trial<'a> {
     }
 
     /// The pixel filter of a mode, and of the reference that judges it.
-    pub fn filter_of(&self, filters: Filters) -> PixelFilter {
-        filters.filter.unwrap_or(self.options.look.filter)
+    pub fn filter_of(&self, choices: Choices) -> PixelFilter {
+        choices.filter.unwrap_or(self.options.look.filter)
     }
 
     /// The pixel filters of these modes, each once, in order.
-    pub fn filters_of(&self, modes: impl Iterator<Item = Filters>) -> Vec<PixelFilter> {
+    pub fn filters_of(&self, modes: impl Iterator<Item = Choices>) -> Vec<PixelFilter> {
         let mut filters = Vec::new();
         for filter in modes.map(|mode| self.filter_of(mode)) {
             if !filters.contains(&filter) {
@@ -177,8 +177,8 @@ impl<'a> Trial<'a> {
 
     /// `reference` where the reference has the pixel filter of all modes; else with the filter, as modes say it.
     pub fn name_of_judge(&self, filter: PixelFilter) -> String {
-        let filters = Filters { filter: Some(filter).filter(|f| *f != self.options.look.filter), prefilter: None };
-        format!("reference{filters}")
+        let filter = Some(filter).filter(|f| *f != self.options.look.filter);
+        format!("reference{}", Choices { filter, ..Choices::default() })
     }
 
     /// Pixel centres at the middle of each of [`STRATA`] parts of the shutter, without blur, with depth and velocity.
@@ -187,8 +187,8 @@ impl<'a> Trial<'a> {
     /// The CPU cannot be opened or cannot render the frame.
     pub fn moments(&mut self, frame: FrameNumber) -> Result<Vec<Picture>, StudyError> {
         let mode = BlurMode::supersample(1).into();
-        let filters = Filters { filter: Some(PixelFilter::Point), prefilter: Some(Prefilter::None) };
-        let options = self.splatting(mode, filters, vec![Aov::Depth, Aov::Velocity]);
+        let choices = Choices { filter: Some(PixelFilter::Point), prefilter: Some(Prefilter::None), detail: None };
+        let options = self.splatting(mode, choices, vec![Aov::Depth, Aov::Velocity]);
         let Shutter { open, close, .. } = self.scene.shutter;
         let part = (close - open) / f64::from(STRATA);
         let mut scene = self.scene.clone();
@@ -205,11 +205,11 @@ impl<'a> Trial<'a> {
     pub(super) fn settings(&mut self, contestant: Contestant, frame: FrameNumber) -> Result<String, StudyError> {
         let settings = match contestant.method {
             Method::Splat(quality) => {
-                let options = self.splatting(quality, contestant.filters, Vec::new());
+                let options = self.splatting(quality, contestant.choices, Vec::new());
                 self.provenance()?.splatted(&options, Format::EXR, contestant.backend.word())?
             }
             Method::Reference(samples) => {
-                let filter = self.filter_of(contestant.filters);
+                let filter = self.filter_of(contestant.choices);
                 let options = self.tracing(samples, filter, self.seed_of_others());
                 self.provenance()?.traced(&options, samples, Format::EXR)?
             }
@@ -245,12 +245,13 @@ impl<'a> Trial<'a> {
     }
 
     /// Options of splatting.
-    fn splatting(&self, quality: Quality, filters: Filters, aovs: Vec<Aov>) -> RenderOptions {
-        let filter = self.filter_of(filters);
-        let prefilter = filters.prefilter.or(self.prefilter).unwrap_or_default();
+    fn splatting(&self, quality: Quality, choices: Choices, aovs: Vec<Aov>) -> RenderOptions {
+        let filter = self.filter_of(choices);
+        let prefilter = choices.prefilter.or(self.prefilter).unwrap_or_default();
         RenderOptions {
             quality,
             prefilter,
+            detail: choices.detail.unwrap_or(self.options.detail),
             reconstruct: false,
             look: Look { filter, aovs, ..self.options.look.clone() },
             ..self.options.clone()

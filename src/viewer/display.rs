@@ -83,7 +83,7 @@ fn false_colours(layer: &Layer) -> (Vec<u8>, Option<[f32; 2]>) {
             let colour = |i: usize| wheel(value(1, i).atan2(value(0, i)) / TAU, length(i) / scale);
             (paint(&colour), Some([0.0, high]))
         }
-        Aov::Samples | Aov::Error | Aov::Object => {
+        Aov::Samples | Aov::Error | Aov::LodError | Aov::Object => {
             let [_, high] = range(&|i| value(0, i));
             let scale = high.max(f32::MIN_POSITIVE);
             (paint(&|i| flip_scale(value(0, i) / scale).map(|code| f32::from(code) / 255.0)), Some([0.0, high]))

@@ -102,6 +102,7 @@ fn what_means_nothing_for_a_capture_is_noted() {
         ("", "<material ambient='0.5'/>", "`shininess` of <material> are for what lights shade"),
         ("", "<material reflection='0.5'/>", "`opacity` and `reflection` of <material> are for surfels"),
         ("twoSided='true'", "", "`twoSided` is for surfels"),
+        ("detail='full'", "", "`detail` is for models of surfels"),
     ] {
         let notes = notes(attributes, inside);
         assert!(notes.iter().any(|note| note.contains(part) && note.ends_with(" nothing here")), "{part}: {notes:?}");

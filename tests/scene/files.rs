@@ -12,6 +12,7 @@ use proptest::prelude::*;
 use splatblur::anim::Interpolation;
 use splatblur::film::Picture;
 use splatblur::model::VelocityUnit;
+use splatblur::options::Detail;
 use splatblur::scene::{Light, Motion, Object, PointMotion, Scene, Shape, Surface};
 use splatblur::scene_file::{LoadedScene, SceneError, SceneLoadOptions, load, to_xml, validate};
 use splatblur::time::Weight;
@@ -248,8 +249,8 @@ fn every_value_arrives() {
     let o = &s.objects[0];
     assert_eq!(o.name, "a <b> & \"c\" é");
     assert_eq!(
-        (o.blur, surface(o).two_sided, o.epsilon, o.source.options.radius_scale),
-        (false, true, Some(0.0125), 2.25)
+        (o.blur, surface(o).two_sided, o.epsilon, o.detail, o.source.options.radius_scale),
+        (false, true, Some(0.0125), Some(Detail::Final), 2.25)
     );
     assert_eq!(o.transform.scale, DVec3::splat(1.7));
     assert_eq!(o.transform.rotate.y, -std::f64::consts::FRAC_PI_2);
@@ -494,7 +495,8 @@ fn a_namespace_is_accepted_on_the_root_alone() {
     assert_eq!(loaded(text(names, "")).scene.objects.len(), 1);
     refused(
         text("", "xmlns='a'"),
-        "scene.xml:1:17: <object> has no attribute `xmlns` (it takes: name, blur, twoSided, epsilon, velocityUnit, at)",
+        "scene.xml:1:17: <object> has no attribute `xmlns` (it takes: name, blur, twoSided, epsilon, detail, \
+         velocityUnit, at)",
     );
     refused(text("xmln='a'", ""), "scene.xml:1:8: <scene> has no attribute `xmln` (it takes: none)");
 }

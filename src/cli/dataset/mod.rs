@@ -16,7 +16,7 @@ use splatblur::backend::{Achieved, Meter};
 use splatblur::dataset::{self, By, DatasetError, FolderLayout, MOST_SHARP, Made, Noise, Recipe, TRANSFORMS};
 use splatblur::files;
 use splatblur::image::{self, Bits, Exr, Format, ImageError, Precision, Response};
-use splatblur::options::{BlurMode, Quality, RenderOptions};
+use splatblur::options::{BlurMode, Quality};
 use splatblur::reference::ReferenceOptions;
 use splatblur::renderer::Renderer;
 use splatblur::scene::Scene;
@@ -302,17 +302,11 @@ impl Dataset {
                 ..ReferenceOptions::default()
             }));
         }
-        let quality = self.blur.quality()?;
-        if let Quality::Mode(BlurMode::Still { .. }) = quality {
+        let options = self.blur.options(&self.surfaces, &self.sampling, &self.splatting, Vec::new())?;
+        if let Quality::Mode(BlurMode::Still { .. }) = options.quality {
             bail!("--mode still makes no blur");
         }
-        Ok(By::Splatting(RenderOptions {
-            quality,
-            prefilter: self.splatting.prefilter.unwrap_or_default(),
-            detail: self.splatting.detail,
-            look: self.surfaces.look(&self.sampling, Vec::new()),
-            ..RenderOptions::default()
-        }))
+        Ok(By::Splatting(options))
     }
 }
 

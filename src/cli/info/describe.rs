@@ -109,6 +109,9 @@ fn scene_object(o: &Object) -> Value {
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
+    if let Some(detail) = o.detail {
+        pairs.push(("detail", json!(detail.word())));
+    }
     if let Some(surface) = o.shape.surface() {
         pairs.push(("two_sided", json!(surface.two_sided)));
     }

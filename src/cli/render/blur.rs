@@ -4,11 +4,14 @@ use std::fmt;
 
 use anyhow::bail;
 use clap::Args;
+use splatblur::film::Aov;
 use splatblur::options::{
-    self, ErrorTarget, Interleave, KernelShape, KernelWeight, Lattice, ModeName, ModeParts, Normalise, OptionError,
-    Overlap, Quality, SourceSamples, TemporalAlpha, Times,
+    self, ErrorTarget, Interleave, KernelShape, KernelWeight, Lattice, Look, ModeName, ModeParts, Normalise,
+    OptionError, Overlap, Quality, RenderOptions, SourceSamples, TemporalAlpha, Times,
 };
+use splatblur::study::Choices;
 
+use crate::cli::common::{Sampling, Splatting, Surfaces};
 use crate::cli::values::one_of;
 
 /// A mode, whole or in parts.
@@ -110,6 +113,7 @@ pub(in crate::cli) struct Blur {
 struct Mode {
     text: String,
     parts: ModeParts,
+    choices: Choices,
 }
 
 fn mode(text: &str) -> Result<Mode, String> {
@@ -120,13 +124,36 @@ fn mode(text: &str) -> Result<Mode, String> {
     if text.starts_with("reference") {
         return Err("references are made by `splatblur reference`".to_owned());
     }
-    let parts = text.parse().map_err(|error: OptionError| error.to_string())?;
-    Ok(Mode { text: text.to_owned(), parts })
+    let (choices, own) = Choices::split(text).map_err(|error| error.to_string())?;
+    let parts = own.parse().map_err(|error: OptionError| error.to_string())?;
+    Ok(Mode { text: text.to_owned(), parts, choices })
 }
 
 impl Blur {
+    /// How to splat, by these and all other options.
+    pub(in crate::cli) fn options(
+        &self,
+        surfaces: &Surfaces,
+        sampling: &Sampling,
+        splatting: &Splatting,
+        aovs: Vec<Aov>,
+    ) -> anyhow::Result<RenderOptions> {
+        let mut choices = self.mode.as_ref().map_or(Choices::default(), |mode| mode.choices);
+        self.put(&mut choices.filter, sampling.filter, "--filter")?;
+        self.put(&mut choices.prefilter, splatting.prefilter, "--prefilter")?;
+        self.put(&mut choices.detail, splatting.detail, "--detail")?;
+        let look = surfaces.look(sampling, aovs);
+        Ok(RenderOptions {
+            quality: self.quality()?,
+            prefilter: choices.prefilter.unwrap_or_default(),
+            detail: choices.detail.unwrap_or_default(),
+            look: Look { filter: choices.filter.unwrap_or_default(), ..look },
+            ..RenderOptions::default()
+        })
+    }
+
     /// The mode that all options together say.
-    pub(in crate::cli) fn quality(&self) -> anyhow::Result<Quality> {
+    fn quality(&self) -> anyhow::Result<Quality> {
         let lone = self.interleave.is_some_and(|lattice| lattice != Lattice::Auto) && !self.says_auto();
         let name = if lone { ModeName::Supersample } else { self.name() };
         let mut parts = self.mode.as_ref().map_or(ModeParts::new(name), |mode| mode.parts);
@@ -251,6 +278,7 @@ impl Blur {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
+    use splatblur::options::{Detail, PixelFilter, Prefilter};
 
     use super::*;
 
@@ -295,6 +323,40 @@ mod tests {
         ] {
             assert_eq!(quality(arguments).unwrap().to_string(), mode, "{arguments}");
         }
+    }
+
+    /// Filters and detail are said in the mode or beside it, not in two ways.
+    #[test]
+    fn a_mode_has_filters_and_detail() {
+        #[derive(Parser)]
+        struct All {
+            #[command(flatten)]
+            blur: Blur,
+            #[command(flatten)]
+            surfaces: Surfaces,
+            #[command(flatten)]
+            sampling: Sampling,
+            #[command(flatten)]
+            splatting: Splatting,
+        }
+        let options = |arguments: &str| {
+            let arguments = std::iter::once("program").chain(arguments.split_whitespace());
+            let All { blur, surfaces, sampling, splatting } = All::try_parse_from(arguments)?;
+            blur.options(&surfaces, &sampling, &splatting, Vec::new())
+        };
+        let same = options("--mode still:4 --detail full --prefilter ewa --filter point").unwrap();
+        assert_eq!((same.detail, same.prefilter), (Detail::Full, Prefilter::Ewa));
+        assert_eq!(same.look.filter, PixelFilter::Point);
+        for arguments in [
+            "--mode still:4+detail=full+prefilter=ewa+filter=point",
+            "--mode still:4+prefilter=ewa --detail full --filter point --prefilter ewa",
+        ] {
+            assert_eq!(options(arguments).unwrap(), same, "{arguments}");
+        }
+        assert_eq!(options("").unwrap().detail, Detail::Auto);
+        let contradicts = options("--mode auto:good+detail=full --detail good").unwrap_err().to_string();
+        assert_eq!(contradicts, "--detail good contradicts --mode auto:good+detail=full");
+        assert!(options("--mode auto+detail=fine").is_err() && options("--mode auto+detail=full+detail=full").is_err());
     }
 
     /// In pictures of a dataset, mode auto weaves a lattice only where one is asked for.

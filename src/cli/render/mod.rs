@@ -281,19 +281,13 @@ impl Render {
     }
 
     fn options(&self) -> anyhow::Result<RenderOptions> {
-        let quality = self.blur.quality()?;
         let aovs = self.images.aovs()?;
-        if aovs.contains(&Aov::Error) && !matches!(quality, Quality::Error(_)) {
+        let about_error = aovs.contains(&Aov::Error);
+        let options = self.blur.options(&self.surfaces, &self.sampling, &self.splatting, aovs)?;
+        if about_error && !matches!(options.quality, Quality::Error(_)) {
             anyhow::bail!("--aov error is for --mode auto, which estimates it");
         }
-        Ok(RenderOptions {
-            quality,
-            prefilter: self.splatting.prefilter.unwrap_or_default(),
-            detail: self.splatting.detail,
-            reconstruct: self.reconstruct,
-            look: self.surfaces.look(&self.sampling, aovs),
-            ..RenderOptions::default()
-        })
+        Ok(RenderOptions { reconstruct: self.reconstruct, ..options })
     }
 }
 

@@ -2,8 +2,9 @@
 
 use crate::backend::cpu::Cpu;
 use crate::compare::gamma_rmse;
-use crate::options::{BlurMode, Detail, Interleave, RenderOptions, Times};
-use crate::renderer::render_frame;
+use crate::film::{Aov, Picture};
+use crate::options::{BlurMode, Detail, Interleave, Look, RenderOptions, Times};
+use crate::renderer::{Renderer, render_frame};
 use glam::Vec3;
 
 use super::*;
@@ -109,6 +110,20 @@ fn the_cut_follows_distance_and_tolerance() {
     assert!(by_error.is_sorted() && by_error[0] < by_error[3], "{by_error:?}");
 }
 
+/// An object's own detail holds in place of that of the picture.
+#[test]
+fn an_object_has_its_own_detail() {
+    let of = |detail: Option<Detail>| {
+        let mut scene = plane(noise, DVec3::ZERO);
+        scene.camera.eye = DVec3::Z * 256.0 * 8.0;
+        scene.objects[0].detail = detail;
+        surfels(&scene, CutTolerance::of(0.025))
+    };
+    let [draft, good, full] = [Detail::Draft, Detail::Good, Detail::Full].map(|detail| of(Some(detail)));
+    assert!(draft < good && good < full && full == SIDE * SIDE, "{draft} {good} {full}");
+    assert!(good == of(None) && good == of(Some(Detail::Auto)));
+}
+
 /// A node around the eye, or partly behind it, is taken apart.
 #[test]
 fn what_is_at_the_eye_stays_fine() {
@@ -180,7 +195,7 @@ fn a_cut_knows_its_error() {
     assert!(stated[2] < stated[0], "{stated:?}");
     // What is beside the image, or behind the camera, is not missed.
     let mut scene = plane(faint, DVec3::ZERO);
-    let error = |scene: &Scene| scene.cut(NUMBER, CutTolerance::of(0.05)).error;
+    let error = |scene: &Scene| scene.cut(NUMBER, CutTolerance::of(0.05)).errors.whole();
     let whole = error(&scene);
     scene.camera.shift.x = 0.5;
     let half = error(&scene);
@@ -190,4 +205,46 @@ fn a_cut_knows_its_error() {
     scene.camera.shift.x = 0.0;
     scene.camera.at = scene.camera.eye + DVec3::Z;
     assert_eq!(error(&scene), 0.0);
+}
+
+/// The layer says where detail is missing, in every mode and for every frame of a sequence; mode auto has it in its own
+/// estimate, too.
+#[test]
+fn a_layer_shows_where_detail_is_missing() {
+    let half = |x: usize, y: usize| if x < SIDE / 2 { 0.5 + 0.04 * (noise(x, y) - 0.5) } else { 0.5 };
+    let scene = plane(half, DVec3::ZERO);
+    let options = |quality: &str, aovs: &[Aov]| RenderOptions {
+        quality: quality.parse().unwrap(),
+        detail: Detail::Draft,
+        look: Look { aovs: aovs.to_vec(), ..Look::default() },
+        ..RenderOptions::default()
+    };
+    let plane = |picture: &Picture, aov: Aov| {
+        picture.layers.iter().find(|layer| layer.aov == aov).map(|layer| layer.planes[0].clone()).unwrap()
+    };
+    let mut own = Vec::new();
+    for quality in ["supersample:2", "auto:draft"] {
+        let options = options(quality, &[Aov::Alpha, Aov::LodError]);
+        let made = render_frame(&mut Cpu::default(), &scene, NUMBER, &options).unwrap();
+        assert_eq!(made.picture.layers.iter().map(|layer| layer.aov).collect::<Vec<_>>(), options.look.aovs);
+        let errors = plane(&made.picture, Aov::LodError);
+        let square: f64 = errors.iter().map(|&error| f64::from(error).powi(2)).sum();
+        let whole = (square / errors.len() as f64).sqrt();
+        assert!(whole > 1e-4 && (whole / made.stats.detail - 1.0).abs() < 1e-5, "{whole} {}", made.stats.detail);
+        // Blocks of 32 pixels; the middle runs between the second and the third.
+        let [left, right] = [40 * 128 + 40, 40 * 128 + 110].map(|pixel| errors[pixel]);
+        assert!(left > 10.0 * right, "{left} {right}");
+        own.push(errors);
+        let mut renderer = Renderer::open(crate::renderer::Device::Cpu).unwrap();
+        let (_, rendered) = renderer.render_sequence(&scene, [NUMBER], &options).next().unwrap().unwrap();
+        assert_eq!(plane(&rendered.picture, Aov::LodError), *own.last().unwrap());
+    }
+    assert_eq!(own[0], own[1]);
+    let stated = |detail: Detail| {
+        let options = RenderOptions { detail, ..options("auto:draft", &[Aov::Error]) };
+        plane(&render_frame(&mut Cpu::default(), &scene, NUMBER, &options).unwrap().picture, Aov::Error)
+    };
+    let [full, draft] = [Detail::Full, Detail::Draft].map(stated);
+    let middle = 40 * 128 + 40;
+    assert!(draft[middle] > 0.8 * own[0][middle] && draft[middle] > full[middle], "{} {}", draft[middle], full[middle]);
 }

@@ -337,7 +337,7 @@ impl<'a> Worker<'a> {
             samples: (2 * before).clamp(SCRAMBLINGS as u64, MOST_SAMPLES),
             look: Look {
                 shading: view.look.shading,
-                aovs: view.look.buffer.into_iter().filter(|&aov| aov != Aov::Error).collect(),
+                aovs: view.look.buffer.into_iter().filter(|aov| !matches!(aov, Aov::Error | Aov::LodError)).collect(),
                 ..Look::default()
             },
             ..ReferenceOptions::default()
