@@ -11,7 +11,7 @@ use super::cloud::{Cloud, ColourStorage};
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
 use super::format::ModelFormat;
-use super::mesh::{self, Mesh, Sampled, Unsampled};
+use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
 use super::surfels::{Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
@@ -83,12 +83,17 @@ impl MeshSource {
         self.options == options.mesh && self.radius_scale == options.radius_scale && self.mesh.looks_like(mesh)
     }
 
-    /// The mesh sampled again: with `spacing` (model units), but within a range of numbers of surfels. `None` if it
-    /// cannot be sampled.
-    pub(crate) fn resampled(&self, spacing: f64, surfels: [f64; 2]) -> Option<LoadedModel> {
-        let spacing = mesh::limited(&self.mesh, spacing, surfels, self.options.reduce);
-        let options = MeshOptions { spacing: Spacing::Of(spacing), ..self.options };
-        sampled(Arc::clone(&self.mesh), options, self.radius_scale).ok()
+    /// The mesh sampled again: as finely as its parts need, but within a range of numbers of surfels. Without a
+    /// camera that sees it, as before. `None` if it cannot be sampled.
+    pub(crate) fn resampled(&self, fineness: &Fineness, surfels: [f64; 2]) -> Option<LoadedModel> {
+        let Self { mesh, options, radius_scale, spacing } = self;
+        if fineness.is_empty() {
+            let options = MeshOptions { spacing: Spacing::Of(*spacing), ..*options };
+            return sampled(Arc::clone(mesh), options, *radius_scale).ok();
+        }
+        let sampled = mesh::sample_as(mesh, fineness, surfels, options.reduce, *radius_scale)?;
+        let options = MeshOptions { spacing: Spacing::Of(sampled.spacing), ..*options };
+        Some(of_samples(Arc::clone(mesh), sampled, options, *radius_scale))
     }
 }
 
@@ -322,12 +327,17 @@ pub fn sample_mesh(
 }
 
 fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<LoadedModel, Unsampled> {
-    let Sampled { surfels, spacing, notes: of_sampling } = mesh::sample(&mesh, &options, radius_scale)?;
+    let sampled = mesh::sample(&mesh, &options, radius_scale)?;
+    Ok(of_samples(mesh, sampled, options, radius_scale))
+}
+
+fn of_samples(mesh: Arc<Mesh>, sampled: Sampled, options: MeshOptions, radius_scale: f64) -> LoadedModel {
+    let Sampled { surfels, spacing, notes: of_sampling } = sampled;
     let mut notes = mesh.notes.clone();
     notes.extend(of_sampling);
     notes.extend(inward::note(&surfels));
     let mesh = MeshSource { mesh, options, radius_scale, spacing };
-    Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, Some(mesh)), notes })
+    LoadedModel { shape: LoadedShape::Surfels(surfels, Some(mesh)), notes }
 }
 
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.

@@ -1,10 +1,10 @@
-//! How fine a mesh has to be sampled for a scene: 2.25 spacings a pixel where the object is nearest.
+//! How fine the parts of a mesh have to be sampled for a scene: 2.25 spacings a pixel.
 
-use glam::{DMat3, DVec3};
+use glam::DVec2;
 
 use super::pose::{camera_from_world, object_pose};
 use super::values::{Object, Scene};
-use crate::math::norm;
+use crate::model::mesh::{Fineness, Lens};
 
 /// Least and greatest number of surfels of a mesh that a scene asks for.
 pub(crate) const SURFELS: [f64; 2] = [20_000.0, 3_000_000.0];
@@ -16,29 +16,29 @@ const FINENESS: f64 = 2.25;
 /// Most poses that are looked at.
 const POSES: i64 = 16;
 
-/// The spacing for the size of a pixel on the object where it is nearest to the camera, model units; `None` if it is
-/// never visible.
+/// The spacings for the size of a pixel on the object, by distance from the camera, and wider well beside the image.
+/// Empty if it is never visible.
 ///
 /// The poses are those of up to 16 frames spread evenly over the scene's frames, the first and the last among them, at
-/// mid-exposure. The nearest place is that of the object's box. A camera within the box looks from `near`.
-pub(crate) fn wanted_spacing(scene: &Scene, object: &Object) -> Option<f64> {
-    let bounds = object.shape.bounds();
-    if bounds.is_empty() {
-        return None;
-    }
+/// mid-exposure. Nothing counts as nearer than the camera's `near`.
+pub(crate) fn wanted_fineness(scene: &Scene, object: &Object) -> Fineness {
+    let mut fineness = Fineness::default();
     let (first, last) = (scene.frames.first, scene.frames.last);
     let poses = last.saturating_sub(first).saturating_add(1).clamp(1, POSES);
     let mid = 0.5 * (scene.shutter.open + scene.shutter.close);
-    let pixel = 2.0 * libm::tan(0.5 * scene.camera.fovy) / f64::from(scene.image.height);
-    let at = |i: i64| {
+    let size = DVec2::new(scene.image.width.into(), scene.image.height.into());
+    let pixel = 2.0 * libm::tan(0.5 * scene.camera.fovy) / size.y;
+    let middle = scene.camera.shift * size * DVec2::new(-1.0, 1.0);
+    let window = [middle - 0.5 * size, middle + 0.5 * size].map(|corner| corner * pixel);
+    let lens = Lens { near: scene.camera.near, window, spacing: pixel / FINENESS };
+    for i in 0..poses {
         let share = if poses > 1 { i as f64 / (poses - 1) as f64 } else { 0.0 };
         let frame = (first as f64 + (last as f64 - first as f64) * share).round();
         let pose = object_pose(scene, object, frame + mid);
-        let camera_from_model = camera_from_world(scene, frame + mid) * pose.world_from_model;
-        let eye = camera_from_model.inverse().transform_point3(DVec3::ZERO);
-        let nearest = camera_from_model.transform_point3(eye.clamp(bounds.min, bounds.max)).length();
-        let spacing = pixel / FINENESS * nearest.max(scene.camera.near) / norm(&DMat3::from_mat4(camera_from_model));
-        (pose.visible && spacing.is_finite() && spacing > 0.0).then_some(spacing)
-    };
-    (0..poses).filter_map(at).reduce(f64::min)
+        if pose.visible {
+            let camera_from_model = camera_from_world(scene, frame + mid) * pose.world_from_model;
+            fineness.add(camera_from_model, lens);
+        }
+    }
+    fineness
 }

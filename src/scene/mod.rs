@@ -17,7 +17,7 @@ mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
 pub(crate) use self::cut::{BlockErrors, Cut, CutTolerance};
-pub(crate) use self::detail::{SURFELS, wanted_spacing};
+pub(crate) use self::detail::{SURFELS, wanted_fineness};
 pub use self::model::{GaussianModel, SurfelModel};
 pub(crate) use self::sequence::Opened;
 pub use self::sequence::{Pattern, Sequence, SequenceSpec};

@@ -17,6 +17,7 @@ use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, Trac
 use crate::environment::{Environment, LatLong};
 use crate::files::Seen;
 use crate::image;
+use crate::model::mesh::Fineness;
 use crate::model::{self, LoadedShape, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::scene::{
     self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Object, Opened, PointMotion, Scene, Sequence,
@@ -161,11 +162,10 @@ pub(super) fn refine(scene: &mut Scene, coarse: &SampledMesh, meshes: usize, not
         shown.is_some_and(|(a, b)| Arc::ptr_eq(a.surfels(), b.surfels()))
     };
     let wanted = scene.objects.iter().filter(|object| shows(object));
-    let wanted = wanted.filter_map(|object| scene::wanted_spacing(scene, object)).reduce(f64::min);
-    // An object that is never seen stays coarse.
-    let wanted = wanted.unwrap_or_else(|| coarse.source.spacing());
+    let mut fineness = Fineness::default();
+    wanted.for_each(|object| fineness.join(scene::wanted_fineness(scene, object)));
     let surfels = scene::SURFELS.map(|count| count.min(SHARED_SURFELS / meshes as f64));
-    let Some(loaded) = coarse.source.resampled(wanted, surfels) else { return };
+    let Some(loaded) = coarse.source.resampled(&fineness, surfels) else { return };
     notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", coarse.path.display())));
     let fine = Shape::from(loaded);
     let Some(fine) = fine.surfels() else { return };

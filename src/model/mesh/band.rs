@@ -17,7 +17,10 @@ const GRID: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Edges of a cell that count, the longest ones. A heap of edges has no outline.
 const CROWD: usize = 64;
 
-/// Sharp edges, sorted by cells of a grid.
+/// The bands of all levels.
+pub(super) struct Bands(Vec<Band>);
+
+/// Sharp edges of a level, sorted by cells of a grid.
 pub(super) struct Band {
     /// Distance of the coarse rays, model units.
     coarse: f64,
@@ -43,17 +46,51 @@ pub(super) fn reach(fine: f64) -> f64 {
     covered_from(fine) + GRID * fine
 }
 
+impl Bands {
+    /// Without fine surfels. `coarse` is the spacing of level 0.
+    pub(super) fn none(coarse: f64, levels: usize) -> Self {
+        Self((0..levels).map(|level| Band::none(of_level(coarse, level))).collect())
+    }
+
+    /// Not refined yet ([`Band::new`]). `None` if the edges of one level have more than `most` parts.
+    pub(super) fn new(edges: &Edges, coarse: f64, levels: usize, most: f64) -> Option<Self> {
+        (0..levels).map(|level| Band::new(edges, of_level(coarse, level), level, most)).collect::<Option<_>>().map(Self)
+    }
+
+    /// Gives all levels a fine grid, whose spacing is less than 1 coarse spacing.
+    pub(super) fn refine(&mut self, ratio: f64) {
+        self.0.iter_mut().for_each(|band| band.ratio = ratio);
+    }
+
+    /// The band of a level.
+    pub(super) fn of(&self, level: u8) -> &Band {
+        &self.0[usize::from(level)]
+    }
+
+    pub(super) fn levels(&self) -> impl Iterator<Item = &Band> {
+        self.0.iter()
+    }
+}
+
+/// The spacing of a level, where `coarse` is that of level 0.
+fn of_level(coarse: f64, level: usize) -> f64 {
+    coarse * (1_u64 << level) as f64
+}
+
 impl Band {
     /// Without fine surfels.
-    pub(super) fn none(coarse: f64) -> Self {
+    fn none(coarse: f64) -> Self {
         Self { coarse, ratio: 1.0, segments: Vec::new(), cells: Vec::new() }
     }
 
-    /// Not refined yet. Edges that are shorter than the coarse spacing do not count. `None` if they have more than
-    /// `most` parts as long as a cell.
-    pub(super) fn new(edges: &Edges, coarse: f64, most: f64) -> Option<Self> {
-        let long = |[a, b]: &&[DVec3; 2]| a.distance_squared(*b) >= coarse * coarse;
-        let mut segments: Vec<[DVec3; 2]> = edges.segments.par_iter().filter(long).copied().collect();
+    /// Not refined yet. Edges that are shorter than the coarse spacing do not count, nor those of levels that are not
+    /// beside this one. `None` if they have more than `most` parts as long as a cell.
+    fn new(edges: &Edges, coarse: f64, level: usize, most: f64) -> Option<Self> {
+        let counts = |([a, b], of_edge): &(&[DVec3; 2], &u8)| {
+            a.distance_squared(*b) >= coarse * coarse && level.abs_diff(usize::from(**of_edge)) <= 1
+        };
+        let edges = edges.segments.par_iter().zip(&edges.levels).filter(counts);
+        let mut segments: Vec<[DVec3; 2]> = edges.map(|(segment, _)| *segment).collect();
         // A stable sort: equally long ones stay in their order.
         segments.par_sort_by(|[a, b], [c, d]| c.distance_squared(*d).total_cmp(&a.distance_squared(*b)));
         let mut band = Self { segments, ..Self::none(coarse) };
@@ -86,11 +123,6 @@ impl Band {
         });
         band.cells = cells;
         Some(band)
-    }
-
-    /// Gives it a fine grid, whose spacing is less than 1 coarse spacing.
-    pub(super) fn refine(&mut self, ratio: f64) {
-        self.ratio = ratio;
     }
 
     /// Distance of the rays of a grid.

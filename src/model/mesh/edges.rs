@@ -19,6 +19,8 @@ pub(super) struct Edges {
     sharp: Vec<u8>,
     /// Each of them once, relative to [`Facets::origin`].
     pub(super) segments: Vec<[DVec3; 2]>,
+    /// The least level of the triangles at each segment.
+    pub(super) levels: Vec<u8>,
 }
 
 impl Edges {
@@ -37,19 +39,20 @@ impl Edges {
             .collect();
         edges.par_sort_unstable();
         let mut sharp = vec![0; facets.mesh.triangles.len()];
-        let mut segments = Vec::new();
+        let (mut segments, mut levels) = (Vec::new(), Vec::new());
         let normal = |i: u32| facets.shape(i).across.normalize();
         for run in edges.chunk_by(|a, b| a.0 == b.0) {
             let smooth = matches!(run, [a, b] if normal(a.1).dot(normal(b.1)) >= SHARP);
             let seam = matches!(run, [a, b] if is_seam(facets.mesh, welded, [a.1, b.1], a.0));
             if !smooth || seam {
                 segments.push(run[0].0.map(|v| facets.mesh.position[v as usize] - facets.origin));
+                levels.push(run.iter().map(|&(_, i, _)| facets.level(i)).min().unwrap_or(0));
                 for &(_, i, bit) in run {
                     sharp[i as usize] |= bit;
                 }
             }
         }
-        Self { sharp, segments }
+        Self { sharp, segments, levels }
     }
 
     /// Edges of a triangle that are sharp: the corners from which they start.

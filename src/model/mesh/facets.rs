@@ -25,6 +25,8 @@ pub(super) struct Facets<'a> {
     pub(super) repeated: Vec<u32>,
     /// For each vertex the first one at the same place: seams of textures and normals do not part a surface.
     pub(super) welded: Vec<u32>,
+    /// The level of each triangle of the mesh ([`super::fineness`]). Empty where all have level 0.
+    level: Vec<u8>,
 }
 
 /// A point as rays along an axis see it.
@@ -128,7 +130,22 @@ impl<'a> Facets<'a> {
         };
         let corners = kept.iter().flat_map(|&i| mesh.triangles[i as usize].corners);
         let bounds: Bounds = corners.map(|v| mesh.position[v as usize]).collect();
-        Self { mesh, origin: bounds.centre(), size: bounds.size(), kept, repeated, welded }
+        Self { mesh, origin: bounds.centre(), size: bounds.size(), kept, repeated, welded, level: Vec::new() }
+    }
+
+    /// The same with levels, one for each triangle of the mesh.
+    pub(super) fn with_levels(self, level: Vec<u8>) -> Self {
+        Self { level, ..self }
+    }
+
+    /// The level of a triangle.
+    pub(super) fn level(&self, triangle: u32) -> u8 {
+        self.level.get(triangle as usize).copied().unwrap_or(0)
+    }
+
+    /// How many levels there are.
+    pub(super) fn levels(&self) -> usize {
+        self.level.iter().max().map_or(1, |&most| usize::from(most) + 1)
     }
 
     pub(super) fn shape(&self, triangle: u32) -> TriangleShape {

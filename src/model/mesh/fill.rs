@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::band::Band;
+use super::band::{Band, Bands};
 use super::edges::Edges;
 use super::facets::{Facets, Hit, TriangleShape};
 
@@ -57,7 +57,7 @@ impl Disc {
 /// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then covered, and so are the
 /// edges of every triangle and its middle where it is thin; a connected part without any hit has a surfel at its
 /// centre.
-pub(super) fn extras(facets: &Facets<'_>, edges: &Edges, band: &Band, hits: &[Hit], position: &[Vec3]) -> Vec<Extra> {
+pub(super) fn extras(facets: &Facets<'_>, edges: &Edges, bands: &Bands, hits: &[Hit], position: &[Vec3]) -> Vec<Extra> {
     let mut hit = vec![false; facets.kept.len()];
     let mut at = 0;
     for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
@@ -67,59 +67,83 @@ pub(super) fn extras(facets: &Facets<'_>, edges: &Edges, band: &Band, hits: &[Hi
         }
         hit[at] = true;
     }
-    let spacing = band.spacing(false);
+    let spacing = |triangle: u32| bands.of(facets.level(triangle)).spacing(false);
     let mut extras: Vec<Extra> = facets.missed(&hit).iter().map(|part| middle(facets, part, spacing)).collect();
-    let cells = [false, true].map(|fine| Cells::new(&discs(facets, band, fine, hits, position), band.spacing(fine)));
+    let of_level = |(level, band): (u8, &Band)| {
+        [false, true].map(|fine| Cells::new(&discs(facets, level, fine, band, hits, position), band.spacing(fine)))
+    };
+    let cells: Vec<[Cells; 2]> = (0..).zip(bands.levels()).map(of_level).collect();
     let bare: Vec<(Hit, Disc, bool)> = facets
         .kept
         .par_iter()
         .flat_map_iter(|&i| {
-            let shape = facets.shape(i);
+            let (shape, level) = (facets.shape(i), facets.level(i));
+            let band = bands.of(level);
             let near = band.near(&shape);
             let step = band.spacing(!near.is_empty());
             // Triangles smaller than the spacing may be crumpled: then any disc will do.
-            let faces = shape.height() > spacing;
+            let faces = shape.height() > band.spacing(false);
             candidates(i, &shape, step).map(move |hit| {
                 let at = hit.position(&shape.corner);
                 let fine = band.is_fine(&near, at, shape.axis());
                 (Hit { fine, ..hit }, Disc::new(at, &shape, band.spacing(fine)), faces)
             })
         })
-        .filter(|(_, disc, faces)| !cells.iter().any(|cells| cells.any_covers(disc, *faces)))
+        .filter(|(hit, disc, faces)| {
+            let beside = beside(&cells, facets.level(hit.triangle));
+            !beside.iter().flatten().any(|cells| cells.any_covers(disc, *faces))
+        })
         .collect();
     // Few are left, and each covers its neighbours.
-    let mut added = Sparse { spacing, discs: HashMap::new() };
+    let mut added: Vec<Sparse> =
+        bands.levels().map(|band| Sparse { spacing: band.spacing(false), discs: HashMap::new() }).collect();
     for extra in &extras {
-        added.add(Disc::new(extra.position, &facets.shape(extra.hit.triangle), spacing));
+        let triangle = extra.hit.triangle;
+        let disc = Disc::new(extra.position, &facets.shape(triangle), spacing(triangle));
+        added[usize::from(facets.level(triangle))].add(disc);
     }
     for (hit, disc, faces) in bare {
-        if !added.any_covers(&disc, faces) {
+        let level = facets.level(hit.triangle);
+        if !beside(&added, level).iter().any(|added| added.any_covers(&disc, faces)) {
             let shape = facets.shape(hit.triangle);
             let inside = edges.moved(hit, &shape, disc.spacing);
             let moved = Disc { at: inside.position(&shape.corner), ..disc };
             // Away from the tip of a corner it would not cover it.
             let (hit, disc) = if moved.covers(&disc, false) { (inside, moved) } else { (hit, disc) };
-            added.add(disc);
+            added[usize::from(level)].add(disc);
             extras.push(Extra { hit, position: disc.at, radius: disc.spacing });
         }
     }
     extras
 }
 
-/// The discs of the hits of a grid at their positions.
-fn discs(facets: &Facets<'_>, band: &Band, fine: bool, hits: &[Hit], position: &[Vec3]) -> Vec<Disc> {
-    let runs: Vec<&[Hit]> = hits.chunk_by(|a, b| a.triangle == b.triangle).collect();
-    let of_run = |run: &&[Hit]| {
+/// What belongs to a level and those beside it.
+fn beside<T>(all: &[T], level: u8) -> &[T] {
+    let level = usize::from(level);
+    &all[level.saturating_sub(1)..(level + 2).min(all.len())]
+}
+
+/// The discs of the hits of a level's grid at their positions.
+fn discs(facets: &Facets<'_>, level: u8, fine: bool, band: &Band, hits: &[Hit], position: &[Vec3]) -> Vec<Disc> {
+    let mut start = 0;
+    let mut runs: Vec<(&[Hit], &[Vec3])> = Vec::new();
+    for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
+        let end = start + run.len();
+        if facets.level(run[0].triangle) == level {
+            runs.push((run, &position[start..end]));
+        }
+        start = end;
+    }
+    let of_run = |(run, position): &(&[Hit], &[Vec3])| {
         let disc = Disc::new(DVec3::ZERO, &facets.shape(run[0].triangle), band.spacing(fine));
-        std::iter::repeat_n(disc, run.len())
+        let own = run.iter().zip(*position).filter(|(hit, _)| hit.fine == fine);
+        own.map(|(_, at)| Disc { at: at.as_dvec3(), ..disc }).collect::<Vec<_>>()
     };
-    let discs = runs.par_iter().flat_map_iter(of_run).collect::<Vec<_>>();
-    let placed = discs.into_iter().zip(position).zip(hits);
-    placed.filter(|(_, hit)| hit.fine == fine).map(|((disc, at), _)| Disc { at: at.as_dvec3(), ..disc }).collect()
+    runs.par_iter().flat_map_iter(of_run).collect()
 }
 
 /// The surfel of a part of a mesh: at its centre of area, as large as the part, like its largest triangle.
-fn middle(facets: &Facets<'_>, part: &[u32], spacing: f64) -> Extra {
+fn middle(facets: &Facets<'_>, part: &[u32], spacing: impl Fn(u32) -> f64) -> Extra {
     let shapes = || part.iter().map(|&i| (i, facets.shape(i)));
     let (mut sum, mut area) = (DVec3::ZERO, 0.0);
     let mut largest = (0.0, 0);
@@ -133,7 +157,7 @@ fn middle(facets: &Facets<'_>, part: &[u32], spacing: f64) -> Extra {
     let position = sum / area;
     let reach = shapes().flat_map(|(_, shape)| shape.corner).map(|p| p.distance(position)).fold(0.0, f64::max);
     let third = 1.0 / 3.0;
-    Extra { hit: Hit::of(largest.1, false, [third, third]), position, radius: reach.min(spacing) }
+    Extra { hit: Hit::of(largest.1, false, [third, third]), position, radius: reach.min(spacing(largest.1)) }
 }
 
 /// Points of a triangle that rays may miss: its corners, steps along its edges, and steps along the middle where it is

@@ -3,15 +3,16 @@
 //! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet. Data flow: `gltf` with
 //! `gltf_material`, `obj` with `mtl` and `polygon`, `of_cloud` (bytes to a mesh), `smooth` (normals where there are
 //! none), and `texture` (images to texels).
-//! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `edges` (which are
-//! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `piles` (those
-//! that coincide) -> `fill` (what rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all
-//! of it). `surface` shows rays the triangles themselves.
+//! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `fineness` (how
+//! fine each part has to be) -> `edges` (which are sharp) -> `spacing` (how many surfels) -> `band` (where they are
+//! finer) -> `raster` (hits of rays) -> `piles` (those that coincide) -> `fill` (what rays miss) -> `paint` (normals,
+//! colours, and textures by `pyramid`) -> `sample` (all of it). `surface` shows rays the triangles themselves.
 
 mod band;
 mod edges;
 mod facets;
 mod fill;
+mod fineness;
 mod gltf;
 mod gltf_material;
 mod mtl;
@@ -28,8 +29,9 @@ mod spacing;
 mod surface;
 mod texture;
 
+pub(crate) use fineness::{Fineness, Lens};
 pub(super) use of_cloud::of_cloud;
-pub(crate) use sample::{Sampled, Unsampled, limited, sample};
+pub(crate) use sample::{Sampled, Unsampled, sample, sample_as};
 pub(crate) use surface::{MeshSurface, SurfacePoint};
 
 use std::path::{Path, PathBuf};

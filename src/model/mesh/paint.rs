@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, Vec3, Vec4};
 
 use super::facets::{Facets, Hit, TriangleShape};
 use super::pyramid::{Footprint, Pyramid};
-use super::{AlphaMode, Mesh};
+use super::{AlphaMode, Mesh, Texture};
 use crate::model::surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA};
 
 /// Levels of colour, with that of the surfel itself.
@@ -21,8 +21,9 @@ pub(super) struct Palette<'a> {
     pyramids: Vec<Pyramid<'a>>,
     /// Which one each material uses.
     of_material: Vec<Option<usize>>,
-    /// Cut-off radius of the surfels' shadows along the rays, model units: of coarse ones, and of fine ones.
-    radius: [f64; 2],
+    /// Cut-off radius of the surfels' shadows along the rays, model units: of coarse ones, and of fine ones, on each
+    /// level.
+    radius: Vec<[f64; 2]>,
 }
 
 /// What the corners of a triangle say of it.
@@ -106,7 +107,8 @@ pub(super) struct Dab {
 }
 
 impl<'a> Palette<'a> {
-    pub(super) fn new(facets: &'a Facets<'a>, radius: [f64; 2]) -> Self {
+    /// `radius` as [`Self::radius`], of each level.
+    pub(super) fn new(facets: &'a Facets<'a>, textures: &'a [Texture], radius: Vec<[f64; 2]>) -> Self {
         let mesh: &'a Mesh = facets.mesh;
         let mut used = vec![false; mesh.materials.len()];
         facets.kept.iter().for_each(|&i| used[mesh.triangles[i as usize].material as usize] = true);
@@ -114,7 +116,7 @@ impl<'a> Palette<'a> {
         let mut of_material = Vec::with_capacity(used.len());
         for (material, used) in mesh.materials.iter().zip(used) {
             let texture = material.texture.filter(|_| used && !mesh.uv.is_empty());
-            let texture = texture.and_then(|index| mesh.textures.get(index as usize).map(|texture| (index, texture)));
+            let texture = texture.and_then(|index| textures.get(index as usize).map(|texture| (index, texture)));
             of_material.push(texture.map(|(index, texture)| {
                 let opaque = material.alpha == AlphaMode::Opaque;
                 *known.entry((index, opaque)).or_insert_with(|| {
@@ -131,9 +133,9 @@ impl<'a> Palette<'a> {
         !self.pyramids.is_empty()
     }
 
-    /// Cut-off radius of the shadow of a surfel, model units.
-    pub(super) fn radius(&self, fine: bool) -> f64 {
-        self.radius[usize::from(fine)]
+    /// Cut-off radius of the shadow of a surfel of a triangle, model units.
+    pub(super) fn radius(&self, triangle: u32, fine: bool) -> f64 {
+        self.radius[usize::from(self.facets.level(triangle))][usize::from(fine)]
     }
 
     pub(super) fn brush(&self, triangle: u32, fine: bool) -> Brush<'_> {
@@ -146,7 +148,7 @@ impl<'a> Palette<'a> {
             corners: Corners::new(mesh, triangle, face.as_vec3()),
             axes: shadow_axes(face, shape.axis()).map(DVec3::as_vec3),
             texture: self.of_material[of_file.material as usize]
-                .map(|index| self.stencil(index, corners, &shape, self.radius(fine))),
+                .map(|index| self.stencil(index, corners, &shape, self.radius(triangle, fine))),
         }
     }
 

@@ -8,7 +8,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use rayon::prelude::*;
 
-use super::band::Band;
+use super::band::Bands;
 use super::facets::{Facets, Hit};
 use super::paint::Palette;
 use super::raster::{SAME_DEPTH, axis_of, drop_at};
@@ -20,21 +20,21 @@ const STEPS: f32 = 65_536.0;
 pub(super) fn merge(
     facets: &Facets<'_>,
     palette: &Palette<'_>,
-    band: &Band,
+    bands: &Bands,
     hits: &mut Vec<Hit>,
     rays: &[u64],
 ) -> usize {
     let mut order: Vec<(u64, u32)> = rays.par_iter().copied().zip(0..rays.len() as u32).collect();
     order.par_sort_unstable();
     let runs: Vec<&[(u64, u32)]> = order.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1).collect();
-    let mut drop: Vec<usize> = runs.par_iter().flat_map(|run| again(facets, palette, band, hits, run)).collect();
+    let mut drop: Vec<usize> = runs.par_iter().flat_map(|run| again(facets, palette, bands, hits, run)).collect();
     drop.par_sort_unstable();
     drop_at(&drop, hits);
     drop.len()
 }
 
 /// The hits of one ray that coincide with an earlier one.
-fn again(facets: &Facets<'_>, palette: &Palette<'_>, band: &Band, hits: &[Hit], run: &[(u64, u32)]) -> Vec<usize> {
+fn again(facets: &Facets<'_>, palette: &Palette<'_>, bands: &Bands, hits: &[Hit], run: &[(u64, u32)]) -> Vec<usize> {
     let place = |&(ray, index): &(u64, u32)| {
         let hit = &hits[index as usize];
         let (axis, shape) = (axis_of(ray), facets.shape(hit.triangle));
@@ -42,7 +42,7 @@ fn again(facets: &Facets<'_>, palette: &Palette<'_>, band: &Band, hits: &[Hit], 
     };
     let mut places: Vec<(bool, f64, u32)> = run.iter().map(place).collect();
     places.par_sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-    let depth = SAME_DEPTH * band.spacing(true);
+    let depth = SAME_DEPTH * bands.of(0).spacing(true);
     let mut again = Vec::new();
     for same in places.chunk_by(|a, b| a.0 == b.0 && (b.1 - a.1).abs() <= depth).filter(|same| same.len() > 1) {
         let looks = |&(_, _, index): &(bool, f64, u32)| (look(palette, &hits[index as usize]), index);

@@ -8,14 +8,14 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::band::{Band, Spans};
+use super::band::{Bands, Spans};
 use super::facets::{Facets, Hit, TriangleShape, shadow};
 
 /// A hit on an edge, which the triangle beyond it may have found too.
 #[derive(Clone, Copy)]
 struct OnEdge {
     /// The axis, the grid and the grid point of the ray, and the side that it sees.
-    ray: (usize, bool, i64, i64, bool),
+    ray: (usize, u8, bool, i64, i64, bool),
     depth: f64,
     hit: usize,
 }
@@ -27,7 +27,9 @@ const CHUNK: usize = 256;
 pub(super) const SAME_DEPTH: f64 = 1e-6;
 
 /// Bits of a place of a ray on its grid. A grid has fewer than 2^25 places on each side of its middle.
-const PLACE_BITS: u32 = 30;
+const PLACE_BITS: u32 = 27;
+/// Bits of a level.
+const LEVEL_BITS: u32 = 7;
 
 /// What hits are found.
 #[derive(Default)]
@@ -39,14 +41,15 @@ struct Found {
 }
 
 /// A ray as a number: its axis, its grid, and its place there.
-fn ray_of(axis: usize, fine: bool, y: i64, x: i64) -> u64 {
+fn ray_of(Grid { axis, level, fine, .. }: Grid, y: i64, x: i64) -> u64 {
     let place = |x: i64| x as u64 & ((1 << PLACE_BITS) - 1);
-    (axis as u64) << (2 * PLACE_BITS + 1) | u64::from(fine) << (2 * PLACE_BITS) | place(y) << PLACE_BITS | place(x)
+    let grid = ((axis as u64) << LEVEL_BITS | u64::from(level)) << 1 | u64::from(fine);
+    grid << (2 * PLACE_BITS) | place(y) << PLACE_BITS | place(x)
 }
 
 /// The axis of a ray.
 pub(super) fn axis_of(ray: u64) -> usize {
-    (ray >> (2 * PLACE_BITS + 1)) as usize
+    (ray >> (2 * PLACE_BITS + 1 + LEVEL_BITS)) as usize
 }
 
 /// All hits of rays, in the order of the triangles, and the ray of each as a number. Grid lines are half a spacing away
@@ -54,20 +57,22 @@ pub(super) fn axis_of(ray: u64) -> usize {
 ///
 /// `reduce`: each triangle is hit only along the axis that it faces most. Two hits of one axis and grid are at least a
 /// spacing apart, unless one ray made both.
-pub(super) fn hits(facets: &Facets<'_>, band: &Band, reduce: bool) -> (Vec<Hit>, Vec<u64>) {
+pub(super) fn hits(facets: &Facets<'_>, bands: &Bands, reduce: bool) -> (Vec<Hit>, Vec<u64>) {
     let chunks: Vec<Found> = facets
         .kept
         .par_chunks(CHUNK)
         .map(|chunk| {
             let mut out = Found::default();
             for &triangle in chunk {
-                let shape = facets.shape(triangle);
+                let (shape, level) = (facets.shape(triangle), facets.level(triangle));
+                let band = bands.of(level);
                 let near = band.near(&shape);
                 for axis in shape.axes(reduce) {
                     let grids: &[bool] = if near.is_empty() { &[false] } else { &[false, true] };
                     for &fine in grids {
                         let spans = (!near.is_empty()).then(|| Spans::new(&near, fine, band, axis));
-                        scan(triangle, &shape, Grid { axis, fine, spacing: band.spacing(fine) }, spans, &mut out);
+                        let grid = Grid { axis, level, fine, spacing: band.spacing(fine) };
+                        scan(triangle, &shape, grid, spans, &mut out);
                     }
                 }
             }
@@ -83,7 +88,7 @@ pub(super) fn hits(facets: &Facets<'_>, band: &Band, reduce: bool) -> (Vec<Hit>,
         all.rays.extend(rays);
     }
     let Found { mut hits, mut rays, on_edges } = all;
-    let twins = twins(on_edges, band.spacing(true));
+    let twins = twins(on_edges, bands.of(0).spacing(true));
     drop_at(&twins, &mut hits);
     drop_at(&twins, &mut rays);
     (hits, rays)
@@ -120,6 +125,7 @@ pub(super) fn drop_at<T>(indices: &[usize], items: &mut Vec<T>) {
 #[derive(Clone, Copy)]
 struct Grid {
     axis: usize,
+    level: u8,
     fine: bool,
     spacing: f64,
 }
@@ -132,9 +138,10 @@ impl Grid {
 }
 
 /// How many hits of the coarse rays are within `reach` of sharp edges, coarse spacings.
-pub(super) fn count(facets: &Facets<'_>, band: &Band, reach: f64, reduce: bool) -> u64 {
+pub(super) fn count(facets: &Facets<'_>, bands: &Bands, reach: f64, reduce: bool) -> u64 {
     let of_triangle = |&triangle: &u32| {
-        let shape = facets.shape(triangle);
+        let (shape, level) = (facets.shape(triangle), facets.level(triangle));
+        let band = bands.of(level);
         let near = band.near(&shape);
         if near.is_empty() {
             return 0;
@@ -142,7 +149,9 @@ pub(super) fn count(facets: &Facets<'_>, band: &Band, reach: f64, reduce: bool) 
         let (mut count, spacing) = (0, band.spacing(false));
         for axis in shape.axes(reduce) {
             let spans = Spans::around(&near, spacing, axis, reach, true);
-            rows(&shape, Grid { axis, fine: false, spacing }, Some(spans), |row| count += row.hits().count() as u64);
+            rows(&shape, Grid { axis, level, fine: false, spacing }, Some(spans), |row| {
+                count += row.hits().count() as u64;
+            });
         }
         count
     };
@@ -151,7 +160,7 @@ pub(super) fn count(facets: &Facets<'_>, band: &Band, reach: f64, reduce: bool) 
 
 /// Adds the hits of one triangle: those within the spans, if there are any.
 fn scan(triangle: u32, shape: &TriangleShape, grid: Grid, spans: Option<Spans>, out: &mut Found) {
-    let Grid { axis, fine, .. } = grid;
+    let Grid { axis, level, fine, .. } = grid;
     let p = grid.places(shape);
     let (e, f) = (p[1] - p[0], p[2] - p[0]);
     let area = e.perp_dot(f);
@@ -161,10 +170,10 @@ fn scan(triangle: u32, shape: &TriangleShape, grid: Grid, spans: Option<Spans>, 
             let hit = Hit::of(triangle, fine, [q.perp_dot(f) / area, e.perp_dot(q) / area]);
             if row.along || x == row.from || x == row.to {
                 let depth = hit.position(&shape.corner)[axis];
-                let ray = (axis, fine, row.y as i64, x as i64, shape.across[axis] > 0.0);
+                let ray = (axis, level, fine, row.y as i64, x as i64, shape.across[axis] > 0.0);
                 out.on_edges.push(OnEdge { ray, depth, hit: out.hits.len() });
             }
-            out.rays.push(ray_of(axis, fine, row.y as i64, x as i64));
+            out.rays.push(ray_of(grid, row.y as i64, x as i64));
             out.hits.push(hit);
         }
     });

@@ -3,13 +3,14 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::Mesh;
-use super::band::Band;
+use super::band::Bands;
 use super::edges::Edges;
 use super::facets::{Facets, Hit};
 use super::fill::{self, Extra};
+use super::fineness::{Fineness, divide};
 use super::paint::{LEVELS, Palette};
 use super::spacing::Counted;
+use super::{Mesh, Texture};
 use super::{piles, raster};
 use crate::model::options::{MeshOptions, Spacing};
 use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels, VelocityUnit};
@@ -60,77 +61,113 @@ pub(crate) fn sample(mesh: &Mesh, options: &MeshOptions, radius_scale: f64) -> R
     }
     let edges = Edges::new(&facets);
     let counted = Counted::new(&facets, &edges, options.reduce);
-    let band = match options.spacing {
-        Spacing::Of(given) if counted.allows(given) => counted.band(given).0,
+    let bands = match options.spacing {
+        Spacing::Of(given) if counted.allows(given) => counted.bands(given).0,
         Spacing::Of(given) => return Err(Unsampled::Fine { spacing: given, least: counted.finest() }),
         Spacing::Surfels(count) => counted.of_count(f64::from(count)),
         Spacing::Auto | Spacing::None => counted.of_count(USUAL),
     };
-    Ok(sampled(&counted, &band, radius_scale))
+    Ok(sampled(&counted, &bands, &mesh.textures, radius_scale, About::new(&facets)))
 }
 
-/// The spacing for about as many surfels, at most `spacing` for `most` and at least that for `least` of them.
-pub(crate) fn limited(mesh: &Mesh, spacing: f64, surfels: [f64; 2], reduce: bool) -> f64 {
-    let facets = Facets::new(mesh);
-    if facets.kept.is_empty() {
-        return spacing;
+/// Samples a mesh as finely as its parts need, with at least and at most about so many surfels. `None` if no triangle
+/// has an area.
+pub(crate) fn sample_as(
+    mesh: &Mesh,
+    fineness: &Fineness,
+    surfels: [f64; 2],
+    reduce: bool,
+    radius_scale: f64,
+) -> Option<Sampled> {
+    let whole = Facets::new(mesh);
+    if whole.kept.is_empty() {
+        return None;
     }
+    let about = About::new(&whole);
+    let (divided, nearest) = divide(&whole, fineness);
+    let facets = match &divided {
+        Some((mesh, level)) => Facets::new(mesh).with_levels(level.clone()),
+        None => whole,
+    };
     let edges = Edges::new(&facets);
-    Counted::new(&facets, &edges, reduce).within(spacing, surfels)
+    let counted = Counted::new(&facets, &edges, reduce);
+    let spacing = counted.within(nearest, surfels);
+    Some(sampled(&counted, &counted.bands(spacing).0, &mesh.textures, radius_scale, about))
 }
 
-fn sampled(counted: &Counted<'_>, band: &Band, radius_scale: f64) -> Sampled {
-    let mut notes = Vec::new();
-    let spacing = band.spacing(false);
-    let Counted { facets, edges, reduce, .. } = *counted;
-    let mesh = facets.mesh;
-    let dropped = mesh.triangles.len() - facets.kept.len() - facets.repeated.len();
-    if dropped > 0 {
-        notes.push(format!("{dropped} of {} triangles dropped: without an area", mesh.triangles.len()));
+/// Facts of a mesh before its triangles are halved.
+#[derive(Clone, Copy)]
+struct About {
+    /// Triangles of the file.
+    all: usize,
+    kept: usize,
+    repeated: usize,
+    two_sided: bool,
+}
+
+impl About {
+    fn new(facets: &Facets<'_>) -> Self {
+        let (all, kept) = (facets.mesh.triangles.len(), facets.kept.len());
+        let two_sided = facets.mesh.materials.iter().any(|material| material.two_sided) || facets.is_open();
+        Self { all, kept, repeated: facets.repeated.len(), two_sided }
     }
-    let palette = Palette::new(facets, [false, true].map(|fine| band.spacing(fine) * radius_scale));
-    let (mut hits, rays) = raster::hits(facets, band, reduce);
-    let merged = piles::merge(facets, &palette, band, &mut hits, &rays);
+}
+
+fn sampled(counted: &Counted<'_>, bands: &Bands, textures: &[Texture], radius_scale: f64, about: About) -> Sampled {
+    let Counted { facets, edges, reduce, .. } = *counted;
+    let About { all, kept, repeated, two_sided } = about;
+    let mut notes = Vec::new();
+    let dropped = all - kept - repeated;
+    if dropped > 0 {
+        notes.push(format!("{dropped} of {all} triangles dropped: without an area"));
+    }
+    let spacing = |hit: &Hit| bands.of(facets.level(hit.triangle)).spacing(hit.fine);
+    let radii = bands.levels().map(|band| [false, true].map(|fine| band.spacing(fine) * radius_scale));
+    let palette = Palette::new(facets, textures, radii.collect());
+    let (mut hits, rays) = raster::hits(facets, bands, reduce);
+    let merged = piles::merge(facets, &palette, bands, &mut hits, &rays);
     drop(rays);
-    if merged + facets.repeated.len() > 0 {
+    if merged + repeated > 0 {
         notes.push(format!(
-            "merged what coincides: {} triangles that repeat another, {merged} surfels of one ray, plane and colour",
-            facets.repeated.len()
+            "merged what coincides: {repeated} triangles that repeat another, {merged} surfels of one ray, plane and \
+             colour"
         ));
     }
     hits.par_chunks_mut(CHUNK).for_each(|hits| {
         for run in hits.chunk_by_mut(|a, b| a.triangle == b.triangle) {
             let shape = facets.shape(run[0].triangle);
             for hit in run {
-                *hit = edges.moved(*hit, &shape, band.spacing(hit.fine));
+                *hit = edges.moved(*hit, &shape, spacing(hit));
             }
         }
     });
     let mut position: Vec<Vec3> = positions(facets, &hits);
-    let extras = fill::extras(facets, edges, band, &hits, &position);
-    let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open();
+    let extras = fill::extras(facets, edges, bands, &hits, &position);
     let rays = hits.len();
     hits.extend(extras.iter().map(|extra| extra.hit));
     position.extend(extras.iter().map(|extra| extra.position.as_vec3()));
     let surfels = painted(&palette, &hits, position);
     let mut surfels = Surfels { origin: facets.origin, two_sided, ..surfels };
     for (i, Extra { hit, radius: own, .. }) in (rays..).zip(&extras) {
-        let spacing = band.spacing(hit.fine);
+        let spacing = spacing(hit);
         let ratio = (own / spacing).max(SMALLEST / spacing).min(1.0) as f32;
         surfels.axis_u[i] *= ratio;
         surfels.axis_v[i] *= ratio;
     }
     drop_cut_out(&mut surfels);
     let at_edges = hits.iter().filter(|hit| hit.fine).count();
-    let finer = format!(", {at_edges} of them {:.2} times finer at sharp edges", spacing / band.spacing(true));
+    let nearest = bands.of(0);
+    let [coarse, fine] = [false, true].map(|fine| nearest.spacing(fine));
+    let finer = format!(", {at_edges} of them {:.2} times finer at sharp edges", coarse / fine);
+    let farther = bands.levels().last().map_or(coarse, |band| band.spacing(false));
     notes.push(format!(
-        "{} triangles sampled with spacing {spacing:.4e}: {} surfels{}, {}",
-        facets.kept.len(),
+        "{kept} triangles sampled with spacing {coarse:.4e}{}: {} surfels{}, {}",
+        if farther > coarse { format!(" to {farther:.4e}, by their distances") } else { String::new() },
         surfels.len(),
         if at_edges > 0 { finer.as_str() } else { "" },
         if two_sided { "both sides show (open, or two-sided materials)" } else { "one-sided (closed)" }
     ));
-    Sampled { surfels, spacing, notes }
+    Sampled { surfels, spacing: coarse, notes }
 }
 
 fn positions(facets: &Facets<'_>, hits: &[Hit]) -> Vec<Vec3> {
@@ -174,7 +211,7 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels 
             let mut at = 0;
             for run in hits.chunk_by(Hit::is_beside) {
                 let brush = palette.brush(run[0].triangle, run[0].fine);
-                let radius = palette.radius(run[0].fine).max(SMALLEST) as f32;
+                let radius = palette.radius(run[0].triangle, run[0].fine).max(SMALLEST) as f32;
                 for hit in run {
                     let dab = brush.dab(hit);
                     [axis_u[at], axis_v[at]] = dab.axes.map(|axis| axis * radius);

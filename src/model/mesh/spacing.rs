@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::band::{self, Band};
+use super::band::{self, Bands};
 use super::edges::Edges;
 use super::facets::Facets;
 use super::raster;
@@ -53,7 +53,9 @@ impl<'a> Counted<'a> {
             let shape = facets.shape(i);
             let sides = shape.across.abs();
             let projected = 0.5 * if reduce { sides.max_element() } else { sides.element_sum() };
-            Size { projected, height: shape.height(), longest: shape.longest }
+            // As it would be on level 0.
+            let less = f64::from(facets.level(i)).exp2().recip();
+            Size { projected: projected * less * less, height: shape.height() * less, longest: shape.longest * less }
         };
         Self { facets, edges, reduce, sizes: facets.kept.par_iter().map(size).collect() }
     }
@@ -70,26 +72,28 @@ impl<'a> Counted<'a> {
         sums.into_iter().sum()
     }
 
-    /// The band at sharp edges where the coarse spacing is given, and about as many surfels as there are in all.
+    /// The bands at sharp edges where the coarse spacing of level 0 is given, and about as many surfels as there are in
+    /// all.
     ///
     /// The fine spacing is such that the band adds no more than a share of what there is without it. Where nearly all
     /// is band there is none: the surface is rough, and not a thing with outlines. Nor is there where edges are so many
     /// that they take longer than the sampling.
-    pub(super) fn band(&self, coarse: f64) -> (Band, f64) {
+    pub(super) fn bands(&self, coarse: f64) -> (Bands, f64) {
         let all = self.estimate(coarse);
         let most = (MOST_PARTS * (all + self.facets.kept.len() as f64)).max(FEW_PARTS);
-        let Some(mut band) = Band::new(self.edges, coarse, most) else {
-            return (Band::none(coarse), all);
+        let levels = self.facets.levels();
+        let Some(mut bands) = Bands::new(self.edges, coarse, levels, most) else {
+            return (Bands::none(coarse, levels), all);
         };
-        let within = raster::count(self.facets, &band, band::reach(FINEST), self.reduce) as f64;
+        let within = raster::count(self.facets, &bands, band::reach(FINEST), self.reduce) as f64;
         // The fine grid takes the place of the coarse one within a part of the band.
         let replaced = band::coarse_from(FINEST) / band::reach(FINEST);
         let density = (replaced + MOST_AT_EDGES * all / within.max(1.0)).min(FINEST.powi(-2));
         if density.sqrt() * COARSEST < 1.0 {
-            return (Band::none(coarse), all);
+            return (Bands::none(coarse, levels), all);
         }
-        band.refine(density.sqrt().recip());
-        (band, all + within * (density - replaced))
+        bands.refine(density.sqrt().recip());
+        (bands, all + within * (density - replaced))
     }
 
     /// True if the spacing can be worked with.
@@ -118,16 +122,16 @@ impl<'a> Counted<'a> {
         high
     }
 
-    /// The band at sharp edges with which there are about `surfels` of them.
-    pub(super) fn of_count(&self, surfels: f64) -> Band {
+    /// The bands at sharp edges with which there are about `surfels` of them.
+    pub(super) fn of_count(&self, surfels: f64) -> Bands {
         let first = self.without_band(surfels);
         let (mut spacing, mut last) = (first, f64::INFINITY);
         for _ in 0..TRIES {
-            let (band, count) = self.band(spacing);
+            let (bands, count) = self.bands(spacing);
             let ratio = count / surfels;
             let off = ratio.ln().abs();
             if off < NEARLY {
-                return band;
+                return bands;
             }
             if off > 0.9 * last {
                 break;
@@ -137,7 +141,7 @@ impl<'a> Counted<'a> {
             spacing = (spacing * ratio.sqrt()).clamp(self.least(), self.facets.size.length());
         }
         // The count leaps where the band comes and goes.
-        Band::none(first)
+        Bands::none(first, self.facets.levels())
     }
 
     /// The coarse spacing, or one that makes at least and at most so many surfels.
@@ -146,10 +150,10 @@ impl<'a> Counted<'a> {
         if without >= least && without * (1.0 + MOST_AT_EDGES) <= most {
             return spacing;
         }
-        let coarse = |count: f64| self.of_count(count).spacing(false);
+        let coarse = |count: f64| self.of_count(count).of(0).spacing(false);
         let finest = coarse(most);
         // What was counted without a band may have one.
-        let excess = (self.band(finest).1 / most).max(1.0);
+        let excess = (self.bands(finest).1 / most).max(1.0);
         spacing.min(coarse(least)).max(finest * excess.sqrt())
     }
 }
