@@ -39,9 +39,8 @@ def to_display(linear):
     return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
 
 
-# A rendering, against itself one pixel off and a little blurred.
-picture = np.asarray(Image.open("../../../docs/images/three_objects.png").convert("RGB")) / 255.0
-crop = picture[300:428, 380:540]
+# A part of a rendering, which is kept as it is, against itself one pixel off and a little blurred.
+crop = np.asarray(Image.open("render_b.png").convert("RGB")) / 255.0
 moved = (np.roll(crop, 1, axis=1) + crop + np.roll(crop, 1, axis=0)) / 3
 save_png("render_a", moved)
 save_png("render_b", crop)
