@@ -43,8 +43,6 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         normal = -normal;
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
-    let mipmap = u32(segment.normal[2].w) * segment.buffer_surfels;
-    if mipmap > 0u { colour = of_texture(colour, mipmap + 3u * MIPMAP_LEVELS * surfel, texture_variance(at, column)); }
     var material = segment.material;
     if (segment.flags & 2u) != 0u {
         let m = 2u * column + 4u * surfel;
@@ -103,55 +101,5 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         values[next] = segment.normal[0].w * own;
     }
     if TOLERANCE != 0u { values[slot * VALUES + TOLERANCE] = segment.epsilon; }
-}
-
-// Standard deviation of the filter of level 0 of a texture, a share of a surfel's cut-off radius; and its variance.
-const MIPMAP_SIGMA: f32 = 0.288675;
-const TEXTURE_VARIANCE: f32 = MIPMAP_SIGMA * MIPMAP_SIGMA;
-// Levels above 0, and the variance of the last one in those of level 0.
-const MIPMAP_LEVELS: u32 = 4u;
-const MOST_VARIANCE: f32 = 256.0;
-// What the longer axis of a pixel's image on the surface counts in the variance of the filter of its texture.
-const OF_LONGER: f32 = 0.7;
-
-// The colour of a texture under a Gaussian of `variance`, in those of level 0: from 1 to `MOST_VARIANCE`. It is linear
-// in the variance between two levels. `finest` is level 0; the others are at `levels`.
-fn of_texture(finest: vec3<f32>, levels: u32, variance: f32) -> vec3<f32> {
-    var finer = 0u;
-    var of_finer = variance;
-    while finer + 1u < MIPMAP_LEVELS && of_finer >= 4.0 {
-        of_finer *= 0.25;
-        finer += 1u;
-    }
-    let to = levels + 3u * finer;
-    var from_colour = finest;
-    if finer > 0u { from_colour = vec3<f32>(looks[to - 3u], looks[to - 2u], looks[to - 1u]); }
-    let to_colour = vec3<f32>(looks[to], looks[to + 1u], looks[to + 2u]);
-    return from_colour + (to_colour - from_colour) * ((of_finer - 1.0) * (1.0 / 3.0));
-}
-
-// The variance of the filter of a surfel's texture, in those of level 0. `at`: where the surfel's position is.
-// Twin: texture_variance of src/backend/cpu/values.rs.
-fn texture_variance(at: u32, column: u32) -> f32 {
-    let c = apply(segment.screen, placed(at));
-    let at_u = at + column;
-    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
-    let at_v = at_u + column;
-    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
-    let over = 1.0 / c.z;
-    let x = c.x * over;
-    let y = c.y * over;
-    let ux = (u.x - x * u.z) * over;
-    let uy = (u.y - y * u.z) * over;
-    let vx = (v.x - x * v.z) * over;
-    let vy = (v.y - y * v.z) * over;
-    let area = ux * vy - uy * vx;
-    let half = 0.5 * (ux * ux + uy * uy + vx * vx + vy * vy);
-    let product = area * area;
-    let longer = half + sqrt(max(half * half - product, 0.0));
-    let of_pixel = OF_LONGER * (longer / product) + (1.0 - OF_LONGER) / longer;
-    let variance = view.footprint * view.footprint * of_pixel * (1.0 / TEXTURE_VARIANCE);
-    if !(variance > 1.0) || c.z < view.near { return 1.0; }
-    return min(variance, MOST_VARIANCE);
 }
 

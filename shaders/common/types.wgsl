@@ -66,9 +66,9 @@ struct View {
     // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
-    // Standard deviations of two filters: the low-pass filter of full EWA, 0 without it; that of textures.
+    // Standard deviation of the low-pass filter of full EWA, 0 without it.
     sigma: f32,
-    footprint: f32,
+    unused: f32,
     // For step `Composite`: place of the first slot in the order of depth; the factor that turns sums over the group
     // into means.
     first_place: u32,
@@ -106,8 +106,7 @@ const RESTS: u32 = 2u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
-// have no origin: they end with the object's factor on opacities, its reflection coefficient, and the floats of a
-// surfel in `looks` before its mipmap, 0 where surfels have none.
+// have no origin: they end with the object's factor on opacities, its reflection coefficient, and 0.
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,

@@ -107,7 +107,7 @@ impl Sample {
             let out = self.output.to_string_lossy();
             return print_json(&json!({
                 "triangles": triangles, "surfels": count, "spacing": spacing, "reduced": !self.rays.all,
-                "two_sided": surfels.two_sided, "levels": !surfels.mipmap.is_empty(), "out": out,
+                "two_sided": surfels.two_sided, "out": out,
             }));
         }
         print(&format!("{count} surfels of {triangles} triangles, spacing {spacing:.4e}: {}\n", self.output.display()))

@@ -1,4 +1,4 @@
-//! The filters of a sample position: of kernels, of textures, and of what surfaces mirror.
+//! The filters of a sample position: of kernels, and of what surfaces mirror.
 
 use super::minified::is_minified;
 use super::raster::{Raster, low_pass_radius};
@@ -17,8 +17,6 @@ const CUT_SQUARE: f64 = 0.121;
 pub(super) struct Filters {
     /// As `Raster::sigma`.
     pub sigma: f32,
-    /// As `Raster::footprint`.
-    pub footprint: f32,
     /// As `Raster::pixel`.
     pub pixel: f32,
     /// Factor on the offsets that the pixel filter draws.
@@ -31,12 +29,7 @@ impl Filters {
     pub(super) fn new(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> Self {
         let (sigma, spread) = kernel_filter(options, swept, positions, stride);
         let share_of_square = ((SQUARE / positions as f64).sqrt() / f64::from(stride)) as f32;
-        Self {
-            sigma,
-            footprint: texture_filter(options, swept, positions, stride),
-            pixel: if sigma > 0.0 { sigma } else { share_of_square },
-            spread,
-        }
+        Self { sigma, pixel: if sigma > 0.0 { sigma } else { share_of_square }, spread }
     }
 }
 
@@ -94,26 +87,10 @@ fn kernel_filter(options: &RenderOptions, swept: Option<SweptKernel>, positions:
     ((variance.sqrt() / f64::from(stride)) as f32, spread as f32)
 }
 
-/// Standard deviation of the filter of textures at one of `positions` sub-pixel positions, raster pixels.
-///
-/// At one position it is that of a pixel's square. The error of more positions falls faster than the part of the square
-/// that each has. The filter follows: its variance falls by `positions`^-1.5. The disc of the approximate filter leaves
-/// a third of it. Full EWA filters textures together with kernels (docs/measurements/meshes.md).
-fn texture_filter(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> f32 {
-    let variance = match options.prefilter {
-        _ if widens_by_gaussian(options, swept) => 0.0,
-        Prefilter::Ewa => 0.0,
-        Prefilter::Approx => SQUARE / 3.0,
-        Prefilter::None | Prefilter::Auto => SQUARE,
-    };
-    let positions = positions as f64;
-    ((variance / (positions * positions.sqrt())).sqrt() / f64::from(stride)) as f32
-}
-
 impl Raster {
     /// The same raster with these filters.
     pub(super) fn with_filters(self, filters: &Filters) -> Self {
-        Self { sigma: filters.sigma, footprint: filters.footprint, pixel: filters.pixel, ..self }
+        Self { sigma: filters.sigma, pixel: filters.pixel, ..self }
     }
 }
 

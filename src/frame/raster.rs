@@ -29,8 +29,6 @@ pub struct Raster {
     pub low_pass: f32,
     /// Standard deviation of the low-pass filter of full EWA, raster pixels; 0 without it.
     pub sigma: f32,
-    /// Standard deviation of the filter of textures, raster pixels.
-    pub footprint: f32,
     /// Standard deviation of what this sample position sees of the scene, raster pixels: with full EWA that of its
     /// filter, else its share of the pixel's square. What surfaces mirror is filtered by it.
     pub pixel: f32,
@@ -93,7 +91,7 @@ impl Raster {
     /// full EWA does, with the approximate filter by a Gaussian as wide as its disc.
     #[must_use]
     pub fn for_see_through(self, prefilter: Prefilter) -> Self {
-        if prefilter == Prefilter::Approx { Self { sigma: 0.5 * self.low_pass, footprint: 0.0, ..self } } else { self }
+        if prefilter == Prefilter::Approx { Self { sigma: 0.5 * self.low_pass, ..self } } else { self }
     }
 
     /// Variance of the low-pass filter of `prefilter`, raster pixels^2, for kernels that are Gaussians. A disc of the
@@ -139,7 +137,6 @@ impl Raster {
             focal: (focal / s) as f32,
             low_pass: low_pass_radius(stride),
             sigma: 0.0,
-            footprint: 0.0,
             pixel: 0.0,
             offset: [0.0; 2],
         }

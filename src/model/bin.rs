@@ -13,7 +13,7 @@ use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
 use super::normalisation::LARGEST;
 use super::store;
-use super::surfels::{MIPMAP_LEVELS, Material, Surfels, VelocityUnit};
+use super::surfels::{Material, Surfels, VelocityUnit};
 use super::tidy::{MAX_COORDINATE, usable};
 use crate::files::Input;
 
@@ -51,7 +51,7 @@ const fn known(name: &'static str, components: usize, required: bool) -> Known {
 }
 
 /// The columns in the order in which they are written. The first version has the first seven.
-const COLUMNS: [Known; 12] = [
+const COLUMNS: [Known; 11] = [
     known("position", 3, true),
     known("axis_u", 3, true),
     known("axis_v", 3, true),
@@ -61,7 +61,6 @@ const COLUMNS: [Known; 12] = [
     known("velocity", 3, false),
     known("normalisation", 1, false),
     known("opacity", 1, false),
-    known("mipmap", 3 * MIPMAP_LEVELS, false),
     known("acceleration", 3, false),
     Known { name: "id", kind: I64, components: 1, required: false },
 ];
@@ -165,9 +164,6 @@ fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<Surfels, F
             "velocity" => bytes.vectors(&place, &mut s.velocity)?,
             "normalisation" => bytes.floats::<1, 4, _>(&place, &mut factors, |[factor]| factor)?,
             "opacity" => bytes.floats::<1, 4, _>(&place, &mut s.opacity, |[opacity]| opacity)?,
-            "mipmap" => {
-                bytes.floats::<{ 3 * MIPMAP_LEVELS }, { 12 * MIPMAP_LEVELS }, _>(&place, &mut s.mipmap, levels)?;
-            }
             "acceleration" => bytes.vectors(&place, &mut s.acceleration)?,
             "id" => bytes.rows(&place, &mut s.id, |row: &[u8; 8]| i64::from_le_bytes(*row))?,
             // A column that this version knows, and does not keep.
@@ -359,7 +355,6 @@ enum Values<'a> {
     Vectors(&'a [Vec3]),
     Materials(&'a [Material]),
     Numbers(&'a [f32]),
-    Levels(&'a [[Vec3; MIPMAP_LEVELS]]),
     Whole(&'a [i64]),
 }
 
@@ -376,7 +371,6 @@ impl<'a> Column<'a> {
             Values::Vectors(&s.velocity),
             Values::Numbers(s.normalisation()),
             Values::Numbers(&s.opacity),
-            Values::Levels(&s.mipmap),
             Values::Vectors(&s.acceleration),
             Values::Whole(&s.id),
         ];
@@ -389,7 +383,6 @@ impl<'a> Column<'a> {
             Values::Vectors(values) => size_of_val(values),
             Values::Materials(values) => size_of_val(values),
             Values::Numbers(values) => size_of_val(values),
-            Values::Levels(values) => size_of_val(values),
             Values::Whole(values) => size_of_val(values),
         };
         bytes as u64
@@ -402,9 +395,6 @@ impl<'a> Column<'a> {
                 values.iter().try_for_each(|m| write_floats(out, &[m.ambient, m.diffuse, m.specular, m.shininess]))
             }
             Values::Numbers(values) => values.iter().try_for_each(|&value| write_floats(out, &[value])),
-            Values::Levels(values) => {
-                values.iter().flatten().try_for_each(|colour| write_floats(out, &colour.to_array()))
-            }
             Values::Whole(values) => values.iter().try_for_each(|value| out.write_all(&value.to_le_bytes())),
         }
     }
@@ -459,11 +449,6 @@ fn material([ambient, diffuse, specular, shininess]: [f32; 4]) -> Material {
     Material { ambient, diffuse, specular, shininess }
 }
 
-/// The colours of a row.
-fn levels(row: [f32; 3 * MIPMAP_LEVELS]) -> [Vec3; MIPMAP_LEVELS] {
-    std::array::from_fn(|k| Vec3::from_slice(&row[3 * k..]))
-}
-
 /// Checks what every other part relies on. A checksum guards against accidents, not against programs that write
 /// nonsense.
 fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
@@ -480,8 +465,7 @@ fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
         (5, "material", s.material.iter().position(|m| !sane(m))),
         (6, "velocity", s.velocity.iter().position(|v| !finite(v))),
         (8, "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
-        (10, "acceleration", s.acceleration.iter().position(|v| !finite(v))),
-        (9, "row of colours", s.mipmap.iter().position(|row| !row.iter().all(|c| c.is_finite()))),
+        (9, "acceleration", s.acceleration.iter().position(|v| !finite(v))),
     ];
     match faults.into_iter().find_map(|(column, what, fault)| fault.map(|i| (column, what, i))) {
         Some((column, what, i)) => {

@@ -59,7 +59,6 @@ pub fn complete(
         normal,
         colour,
         material: cloud.material,
-        mipmap: Vec::new(),
         velocity: cloud.velocity,
         id: cloud.id,
         acceleration: cloud.acceleration,

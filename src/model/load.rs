@@ -452,7 +452,7 @@ fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
         surfels.normalisation = Normalisation::default();
     }
     if options.colour_space == Some(ColourSpace::Srgb) {
-        for c in surfels.colour.iter_mut().chain(surfels.mipmap.as_flattened_mut()) {
+        for c in &mut surfels.colour {
             *c = Vec3::from_array(c.to_array().map(srgb::to_linear));
         }
     }

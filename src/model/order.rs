@@ -26,7 +26,6 @@ impl Surfels {
         permute(&mut self.axis_v, &order);
         permute(&mut self.normal, &order);
         permute(&mut self.colour, &order);
-        permute(&mut self.mipmap, &order);
         permute(&mut self.opacity, &order);
         permute(&mut self.material, &order);
         permute(&mut self.velocity, &order);
@@ -88,7 +87,7 @@ fn spread(cell: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{MIPMAP_LEVELS, Material};
+    use crate::model::Material;
     use proptest::prelude::*;
 
     fn model(position: Vec<Vec3>) -> Surfels {
@@ -98,7 +97,6 @@ mod tests {
             axis_v: tag.clone(),
             normal: tag.clone(),
             colour: tag.clone(),
-            mipmap: tag.iter().map(|t| [*t; MIPMAP_LEVELS]).collect(),
             material: tag.iter().map(|t| Material { ambient: t.x, ..Material::default() }).collect(),
             position,
             ..Surfels::default()
@@ -156,7 +154,6 @@ mod tests {
             for (i, &old) in seen.iter().enumerate() {
                 prop_assert_eq!(after.position[i], before[old]);
                 prop_assert_eq!(after.axis_u[i], after.colour[i]);
-                prop_assert_eq!(after.mipmap[i], [after.colour[i]; MIPMAP_LEVELS]);
                 prop_assert_eq!(after.material[i].ambient, after.colour[i].x);
             }
             prop_assert!(after.velocity.is_empty());

@@ -30,7 +30,6 @@ pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
         ("axis_v", surfels.axis_v.len(), false),
         ("normal", surfels.normal.len(), false),
         ("colour", surfels.colour.len(), false),
-        ("mipmap", surfels.mipmap.len(), true),
         ("material", surfels.material.len(), true),
         ("velocity", surfels.velocity.len(), true),
         ("acceleration", surfels.acceleration.len(), true),

@@ -108,17 +108,10 @@ pub enum VelocityUnit {
     Frame,
 }
 
-/// Levels of [`Surfels::mipmap`].
-pub const MIPMAP_LEVELS: usize = 4;
-
-/// Standard deviation of the filter of level 0 of a texture, in cut-off radii: that of a box of one radius,
-/// which is the spacing of a sampled mesh.
-pub const MIPMAP_SIGMA: f32 = 0.288_675;
-
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `mipmap`, `opacity`, `material`, `velocity`, `acceleration` and `id`
-/// may be empty, where the file has none, and `normalisation` until somebody asks for it.
+/// It is a structure of arrays of one length. Only `opacity`, `material`, `velocity`, `acceleration` and `id` may be
+/// empty, where the file has none, and `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     /// Point of model space that the positions are relative to (models are recentred in `f64`).
@@ -133,10 +126,6 @@ pub struct Surfels {
     pub normal: Vec<Vec3>,
     /// Colours, linear Rec.709.
     pub colour: Vec<Vec3>,
-    /// Coarser levels of the texture, linear Rec.709, or empty. Level k = 1 to 4 is the texture under a Gaussian of
-    /// standard deviation 2^k [`MIPMAP_SIGMA`] times the cut-off radius, on the surface; `colour` is level 0 (Pfister
-    /// et al. 2000, section 5.2).
-    pub mipmap: Vec<[Vec3; MIPMAP_LEVELS]>,
     /// Opacities, in [0, 1]; empty where all are 1.
     pub opacity: Vec<f32>,
     /// Reflection coefficients, or empty.
@@ -180,7 +169,6 @@ impl Surfels {
         {
             columns.check(name, column.len())?;
         }
-        columns.check_optional("mipmap", self.mipmap.len())?;
         columns.check_optional("opacity", self.opacity.len())?;
         columns.check_optional("material", self.material.len())?;
         columns.check_optional("velocity", self.velocity.len())?;
@@ -195,7 +183,6 @@ impl Surfels {
         flaw::each("axis_v", &self.axis_v, flaw::is_place, flaw::PLACE)?;
         flaw::each("normal", &self.normal, flaw::is_normal, "a vector of length at most 1")?;
         flaw::each("colour", &self.colour, flaw::is_colour, flaw::COLOUR)?;
-        flaw::each("mipmap", &self.mipmap, |levels| levels.into_iter().all(flaw::is_colour), flaw::COLOUR)?;
         flaw::each("opacity", &self.opacity, |opacity| (0.0..=1.0).contains(&opacity), "a number from 0 to 1")?;
         flaw::each("material", &self.material, Material::is_valid, "coefficients of at least 0")?;
         flaw::each("velocity", &self.velocity, flaw::is_place, flaw::PLACE)?;
@@ -209,9 +196,8 @@ impl Surfels {
         let vectors: usize = vectors.map(|column| size_of_val(column.as_slice())).sum();
         let factors = self.normalisation.known().unwrap_or_default();
         let of_opacity = size_of_val(self.opacity.as_slice());
-        let of_mipmap = size_of_val(self.mipmap.as_slice());
         let of_id = size_of_val(self.id.as_slice());
-        (vectors + of_id + of_mipmap + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
+        (vectors + of_id + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
     }
 
     /// Cut-off radius of surfel `i`: the length of the longer axis.

@@ -18,7 +18,7 @@ mod hostile_values;
 mod image_files;
 mod kernels_in_motion;
 mod mesh_truth;
-mod mipmaps;
+mod minified;
 mod modes;
 mod objects;
 mod oracle;

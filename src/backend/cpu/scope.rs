@@ -68,7 +68,6 @@ impl Scope<'_> {
             shading: self.frame.shading,
             near: self.frame.near,
             stride: self.frame.stride as f32,
-            footprint: self.raster.footprint,
             surroundings: self.frame.surroundings.as_ref(),
             pixel: self.raster.pixel / self.raster.focal,
             strip: Strip::of(self.raster).filter(|_| sample.objects[chunk.object].turns()),

@@ -13,22 +13,11 @@ use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
 use crate::math::simd::dispatch;
+use crate::model::Surfels;
 use crate::model::paths::Paths;
-use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
 use crate::options::Shading;
 use crate::scene::SurfelModel;
 use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
-
-/// What the longer axis of a pixel's image on the surface counts in the variance of the filter of its texture; the
-/// shorter axis has the rest. With 1 lines that run to the horizon vanish, with less the rows near it alias
-/// (docs/measurements/meshes.md).
-pub(in crate::backend) const OF_LONGER: f32 = 0.7;
-
-/// Variance of the filter of level 0 of a texture, squares of a surfel's cut-off radius.
-pub(in crate::backend) const TEXTURE_VARIANCE: f32 = MIPMAP_SIGMA * MIPMAP_SIGMA;
-
-/// Variance of the last level of a texture, in those of level 0.
-pub(in crate::backend) const MOST_VARIANCE: f32 = (1 << (2 * MIPMAP_LEVELS)) as f32;
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
@@ -42,8 +31,6 @@ pub(in crate::backend) struct Shown<'a> {
     pub near: f32,
     /// Pixels of the image to one of the raster.
     pub stride: f32,
-    /// Standard deviation of the filter of textures, raster pixels.
-    pub footprint: f32,
     /// What surfels mirror.
     pub surroundings: Option<&'a Surroundings>,
     /// Standard deviation of what a pixel sees, radians in the middle of the image.
@@ -127,13 +114,6 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
     for l in 0..LANES {
         let i = faces[l].0 as usize;
         (colour[0][l], colour[1][l], colour[2][l]) = surfels.colour[i].into();
-    }
-    if !surfels.mipmap.is_empty() {
-        for l in 0..LANES {
-            let i = faces[l].0 as usize;
-            let [red, green, blue] = of_texture(surfels, i, texture_variance(surfels, &paths, i, shown)).to_array();
-            (colour[0][l], colour[1][l], colour[2][l]) = (red, green, blue);
-        }
     }
     if gouraud || channels.normal.is_some() {
         for l in 0..LANES {
@@ -248,46 +228,6 @@ fn mirror(shown: &Shown<'_>, colour: &mut [Lanes; 3], normal: &[Lanes; 3], view:
             colour[c][l] += seen[c] * reflection;
         }
     }
-}
-
-/// The colour of a surfel's texture under a Gaussian of `variance`, in those of level 0: from 1 to that of the last
-/// level, which is 4^`MIPMAP_LEVELS`. A texture changes about linearly with the variance of its filter, so the colour
-/// between two levels does.
-#[inline(always)]
-fn of_texture(surfels: &Surfels, i: usize, variance: f32) -> Vec3 {
-    let levels = &surfels.mipmap[i];
-    let mut finer = 0;
-    let mut of_finer = variance;
-    while finer + 1 < MIPMAP_LEVELS && of_finer >= 4.0 {
-        of_finer *= 0.25;
-        finer += 1;
-    }
-    let from = if finer == 0 { surfels.colour[i] } else { levels[finer - 1] };
-    from + (levels[finer] - from) * ((of_finer - 1.0) * (1.0 / 3.0))
-}
-
-/// The variance of the filter of a surfel's texture, in those of level 0 (docs/math.md, section 13). It is 1 where the
-/// surfel's centre has no image, being nearer than `near`.
-#[inline(always)]
-fn texture_variance(surfels: &Surfels, paths: &Paths<'_>, i: usize, shown: &Shown<'_>) -> f32 {
-    let posed = shown.posed;
-    let c = posed.screen_from_model * paths.place(surfels.position[i], i, posed.elapsed) + posed.screen_origin;
-    let (u, v) = (posed.screen_from_model * surfels.axis_u[i], posed.screen_from_model * surfels.axis_v[i]);
-    let over = 1.0 / c.z;
-    let (x, y) = (c.x * over, c.y * over);
-    let (ux, uy) = ((u.x - x * u.z) * over, (u.y - y * u.z) * over);
-    let (vx, vy) = ((v.x - x * v.z) * over, (v.y - y * v.z) * over);
-    let area = ux * vy - uy * vx;
-    // Half the sum and the product of the squares of the image's semi-axes, and from them the longer one.
-    let half = 0.5 * (ux * ux + uy * uy + vx * vx + vy * vy);
-    let product = area * area;
-    let root = half * half - product;
-    let longer = half + (if root > 0.0 { root } else { 0.0 }).sqrt();
-    // On the surface the pixel is longest along the shorter axis of the image.
-    let of_pixel = OF_LONGER * (longer / product) + (1.0 - OF_LONGER) / longer;
-    let variance = shown.footprint * shown.footprint * of_pixel * (1.0 / TEXTURE_VARIANCE);
-    let variance = if variance > 1.0 && c.z >= shown.near { variance } else { 1.0 };
-    if variance < MOST_VARIANCE { variance } else { MOST_VARIANCE }
 }
 
 /// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where

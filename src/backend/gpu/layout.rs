@@ -53,7 +53,7 @@ pub(in crate::backend) struct View {
     pub map_corner: [i32; 2],
     pub map_tiles: [u32; 2],
     pub sigma: f32,
-    pub footprint: f32,
+    pub unused: f32,
     pub first_place: u32,
     pub opaque_scale: f32,
     pub flags: u32,
@@ -225,9 +225,7 @@ impl Segment {
         let has_materials = !surfels.material.is_empty();
         let materials = object.material.is_none() && has_materials;
         let has_opacity = !surfels.opacity.is_empty();
-        let before_mipmap = 6 + 4 * u8::from(has_materials) + u8::from(has_opacity);
-        let before_mipmap = if surfels.mipmap.is_empty() { 0 } else { before_mipmap };
-        let columns = Vec3::new(object.opacity, object.reflection, f32::from(before_mipmap));
+        let columns = Vec3::new(object.opacity, object.reflection, 0.0);
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
             rate: rows(&posed.screen_rate, posed.screen_origin_rate),
@@ -283,7 +281,7 @@ impl View {
             lights: middle.lights.len() as u32,
             blocks: blocks(frame),
             sigma: raster.sigma,
-            footprint: raster.footprint,
+            unused: 0.0,
             pixel: raster.pixel,
             strip: match raster.readout {
                 None => 0.0,

@@ -49,7 +49,7 @@ pub(in crate::backend) struct ModelBuffer {
     /// Columns of surfels: positions, axes u, axes v, those of the paths; then the normalisation of kernels and its
     /// mean, where a frame needed them. Columns of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
-    /// Columns of surfels: normals, colours, then materials, opacities and mipmaps where the model has them. Columns of
+    /// Columns of surfels: normals, colours, then materials and opacities where the model has them. Columns of
     /// Gaussians: colours, harmonics, then normals where they have them.
     pub looks: Buffer,
 }
@@ -108,8 +108,8 @@ fn upload(device: &Device, model: &SurfelModel, normalised: bool) -> Result<Vec<
     let (surfels, paths) = (model.surfels(), model.paths());
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
-    // At most 76 bytes of geometry, at most 92 of looks.
-    let most = (device.most_bytes() / 92).clamp(1, MOST_SURFELS) as usize;
+    // At most 76 bytes of geometry, at most 44 of looks.
+    let most = (device.most_bytes() / 76).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());
@@ -129,13 +129,11 @@ fn upload(device: &Device, model: &SurfelModel, normalised: bool) -> Result<Vec<
             .iter()
             .map(|m| [m.ambient, m.diffuse, m.specular, m.shininess])
             .collect();
-        let mipmap = surfels.mipmap.get(range.clone()).unwrap_or_default().as_flattened();
         let looks = [
             bytemuck::cast_slice(&surfels.normal[range.clone()]),
             bytemuck::cast_slice(&surfels.colour[range.clone()]),
             bytemuck::cast_slice(&materials),
             bytemuck::cast_slice(surfels.opacity.get(range.clone()).unwrap_or_default()),
-            bytemuck::cast_slice(mipmap),
         ];
         buffers.push(ModelBuffer {
             surfels: range,

@@ -67,11 +67,6 @@ pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
             surfels.material.push(Material { ambient, diffuse, specular, shininess: 40.0 * random.next() });
         }
     }
-    if materials {
-        let of = |c: &Vec3| [Vec3::ONE - *c, Vec3::new(c.y, c.z, c.x), Vec3::splat(0.5), 1.5 * *c];
-        let levels = surfels.colour.iter().map(of);
-        surfels.mipmap = levels.collect();
-    }
     surfels
 }
 

@@ -314,7 +314,6 @@ fn model(s: &Surfels) -> Value {
         (u - v).abs() > 1e-4 * u.max(v)
     });
     let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
-    properties.extend((!s.mipmap.is_empty()).then_some("mipmap"));
     properties.extend((!s.opacity.is_empty()).then_some("opacity"));
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));

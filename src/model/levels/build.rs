@@ -234,7 +234,6 @@ fn columns(discs: &[Disc], model: &Surfels) -> Surfels {
         axis_v: all(|disc| disc.axis_v),
         normal: all(|disc| disc.normal),
         colour: all(|disc| disc.colour),
-        mipmap: has(!model.mipmap.is_empty()).iter().map(|disc| disc.mipmap).collect(),
         opacity: has(!model.opacity.is_empty()).iter().map(|disc| disc.opacity).collect(),
         material: has(!model.material.is_empty()).iter().map(|disc| disc.material).collect(),
         ..Surfels::default()

@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_1_SQRT_2;
 use glam::{Mat2, Mat3, Vec2, Vec3};
 
 use crate::math::srgb;
-use crate::model::surfels::{MIPMAP_LEVELS, Material, Surfels};
+use crate::model::surfels::{Material, Surfels};
 
 /// Cosine of the greatest angle between fronts that are merged: thin sheets keep both sides.
 pub(super) const AGREE: f32 = 0.5;
@@ -34,7 +34,6 @@ pub(super) struct Disc {
     pub(super) axis_v: Vec3,
     pub(super) normal: Vec3,
     pub(super) colour: Vec3,
-    pub(super) mipmap: [Vec3; MIPMAP_LEVELS],
     pub(super) opacity: f32,
     pub(super) material: Material,
     /// Sum of |u x v| of the discs of the model below it.
@@ -69,7 +68,6 @@ impl Disc {
             axis_v,
             normal: surfels.normal[i],
             colour,
-            mipmap: surfels.mipmap.get(i).copied().unwrap_or_default(),
             opacity: surfels.opacity.get(i).copied().unwrap_or(1.0),
             material: surfels.material.get(i).copied().unwrap_or_default(),
             area: cross.length().max(f32::MIN_POSITIVE),
@@ -191,8 +189,6 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
         axis_v,
         normal: mean(&|disc| disc.normal).try_normalize().unwrap_or(towards),
         colour: mean(&|disc| disc.colour),
-        // A disc that is twice as large has the levels of a texture one step earlier.
-        mipmap: std::array::from_fn(|level| mean(&|disc| disc.mipmap[(level + 1).min(MIPMAP_LEVELS - 1)])),
         opacity: number(&|disc| disc.opacity),
         material: Material {
             ambient: coefficient(|of| of.ambient),

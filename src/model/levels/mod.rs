@@ -95,7 +95,6 @@ impl Levels {
             axis_v: vectors(|of| &of.axis_v),
             normal: vectors(|of| &of.normal),
             colour: vectors(|of| &of.colour),
-            mipmap: self.column(model, cut, |of| &of.mipmap),
             opacity: self.column(model, cut, |of| &of.opacity),
             material: self.column(model, cut, |of| &of.material),
             normalisation: Normalisation::later(factors),

@@ -1,4 +1,4 @@
-//! What a point of a mesh looks like: its normal, and its colour under filters of several widths.
+//! What a point of a mesh looks like: its normal, and its colour under a filter as wide as its surfel.
 
 use std::collections::BTreeMap;
 
@@ -7,10 +7,10 @@ use glam::{DVec2, DVec3, Vec3, Vec4};
 use super::facets::{Facets, Hit, TriangleShape};
 use super::pyramid::{Footprint, Pyramid};
 use super::{AlphaMode, Mesh, Texture};
-use crate::model::surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA};
 
-/// Levels of colour, with that of the surfel itself.
-pub(super) const LEVELS: usize = MIPMAP_LEVELS + 1;
+/// Standard deviation of the filter of a texture, in cut-off radii: that of a box of one radius, which is the spacing
+/// of the surfels (docs/math.md, section 13).
+const SIGMA: f64 = 0.288_675;
 
 /// Greatest factor on a colour. Products of two are finite.
 const BRIGHTEST: f32 = 65_504.0;
@@ -94,14 +94,14 @@ struct Stencil<'a> {
     pyramid: &'a Pyramid<'a>,
     /// Texture coordinates of the corners, texels.
     uv: [DVec2; 3],
-    footprint: [Footprint; LEVELS],
+    footprint: Footprint,
 }
 
 /// A painted point.
 pub(super) struct Dab {
     pub(super) normal: Vec3,
     pub(super) axes: [Vec3; 2],
-    pub(super) colour: [Vec3; LEVELS],
+    pub(super) colour: Vec3,
     /// `None`: cut out.
     pub(super) opacity: Option<f32>,
 }
@@ -126,11 +126,6 @@ impl<'a> Palette<'a> {
             }));
         }
         Self { facets, pyramids, of_material, radius }
-    }
-
-    /// True if colours depend on the width of the filter.
-    pub(super) fn has_levels(&self) -> bool {
-        !self.pyramids.is_empty()
     }
 
     /// Cut-off radius of the shadow of a surfel of a triangle, model units.
@@ -169,10 +164,8 @@ impl<'a> Palette<'a> {
         let (ee, eg, gg) = (g.dot(g) / determinant, -e.dot(g) / determinant, e.dot(e) / determinant);
         let form = |a: f64, b: f64, c: f64, d: f64| ee * a * c + eg * (a * d + b * c) + gg * b * d;
         let unit = [form(f.x, h.x, f.x, h.x), form(f.x, h.x, f.y, h.y), form(f.y, h.y, f.y, h.y)];
-        let footprint = std::array::from_fn(|level| {
-            let sigma = f64::from(1_u32 << level) * f64::from(MIPMAP_SIGMA) * radius;
-            pyramid.footprint(unit.map(|x| x * sigma * sigma))
-        });
+        let sigma = SIGMA * radius;
+        let footprint = pyramid.footprint(unit.map(|x| x * sigma * sigma));
         Stencil { pyramid, uv, footprint }
     }
 }
@@ -186,21 +179,15 @@ impl Brush<'_> {
     pub(super) fn dab(&self, hit: &Hit) -> Dab {
         let normal = self.corners.normal(hit.weight);
         let factor = self.corners.colour(hit.weight);
-        let mut colour = [factor.truncate(); LEVELS];
+        let mut colour = factor.truncate();
         let mut alpha = factor.w;
         if let Some(Stencil { pyramid, uv, footprint }) = &self.texture {
             let [b, c] = hit.weight.map(f64::from);
             let at = uv[0] + b * (uv[1] - uv[0]) + c * (uv[2] - uv[0]);
-            let mut finer = Vec3::ONE;
-            for (level, colour) in colour.iter_mut().enumerate() {
-                let texel = pyramid.filter(&footprint[level], at);
-                // Where all is transparent there is no colour: the finer level's stands.
-                finer = straight(texel).unwrap_or(finer);
-                *colour *= finer;
-                if level == 0 {
-                    alpha *= texel.w;
-                }
-            }
+            let texel = pyramid.filter(footprint, at);
+            // Where all is transparent there is no colour.
+            colour *= straight(texel).unwrap_or(Vec3::ONE);
+            alpha *= texel.w;
         }
         let opacity = self.corners.opacity(alpha);
         let [u, v] = self.axes;

@@ -61,7 +61,7 @@ fn look(palette: &Palette<'_>, hit: &Hit) -> u64 {
     let dab = brush.dab(hit);
     let mut hasher = DefaultHasher::new();
     let mut add = |x: f32| ((x * STEPS).round() as i64).hash(&mut hasher);
-    for vector in [brush.face(), dab.normal].iter().chain(&dab.colour) {
+    for vector in [brush.face(), dab.normal, dab.colour] {
         vector.to_array().into_iter().for_each(&mut add);
     }
     add(dab.opacity.unwrap_or(-1.0));

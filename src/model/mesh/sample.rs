@@ -8,12 +8,12 @@ use super::edges::Edges;
 use super::facets::{Facets, Hit};
 use super::fill::{self, Extra};
 use super::fineness::{Fineness, divide};
-use super::paint::{LEVELS, Palette};
+use super::paint::Palette;
 use super::spacing::Counted;
 use super::{Mesh, Texture};
 use super::{piles, raster};
 use crate::model::options::{MeshOptions, Spacing};
-use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels, VelocityUnit};
+use crate::model::surfels::{Normalisation, Surfels, VelocityUnit};
 
 /// Surfels of a mesh where nothing else decides.
 const USUAL: f64 = 200_000.0;
@@ -189,13 +189,6 @@ fn positions(facets: &Facets<'_>, hits: &[Hit]) -> Vec<Vec3> {
 fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels {
     let count = hits.len();
     let [mut axis_u, mut axis_v, mut normal, mut colour] = [(); 4].map(|()| vec![Vec3::ZERO; count]);
-    let mut mipmap = vec![[Vec3::ZERO; MIPMAP_LEVELS]; if palette.has_levels() { count } else { 0 }];
-    // Levels are written by chunks, of which an empty column has none.
-    let mut of_levels: Vec<&mut [[Vec3; MIPMAP_LEVELS]]> = if mipmap.is_empty() {
-        hits.chunks(CHUNK).map(|_| [].as_mut_slice()).collect()
-    } else {
-        mipmap.chunks_mut(CHUNK).collect()
-    };
     let mut opacity = vec![1.0_f32; count];
     (
         hits.par_chunks(CHUNK),
@@ -204,10 +197,9 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels 
         normal.par_chunks_mut(CHUNK),
         colour.par_chunks_mut(CHUNK),
         opacity.par_chunks_mut(CHUNK),
-        of_levels.par_iter_mut(),
     )
         .into_par_iter()
-        .for_each(|(hits, axis_u, axis_v, normal, colour, opacity, levels)| {
+        .for_each(|(hits, axis_u, axis_v, normal, colour, opacity)| {
             let mut at = 0;
             for run in hits.chunk_by(Hit::is_beside) {
                 let brush = palette.brush(run[0].triangle, run[0].fine);
@@ -216,11 +208,8 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels 
                     let dab = brush.dab(hit);
                     [axis_u[at], axis_v[at]] = dab.axes.map(|axis| axis * radius);
                     normal[at] = dab.normal;
-                    colour[at] = dab.colour[0];
+                    colour[at] = dab.colour;
                     opacity[at] = dab.opacity.unwrap_or(-1.0);
-                    if let Some(row) = levels.get_mut(at) {
-                        *row = std::array::from_fn(|k| dab.colour[(k + 1).min(LEVELS - 1)]);
-                    }
                     at += 1;
                 }
             }
@@ -232,7 +221,6 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels 
         axis_v,
         normal,
         colour,
-        mipmap,
         opacity,
         material: Vec::new(),
         velocity: Vec::new(),
@@ -253,7 +241,6 @@ fn drop_cut_out(surfels: &mut Surfels) {
         for column in [&mut s.position, &mut s.axis_u, &mut s.axis_v, &mut s.normal, &mut s.colour] {
             keep(column, &kept);
         }
-        keep(&mut s.mipmap, &kept);
         keep(&mut s.opacity, &kept);
     }
     if surfels.opacity.iter().all(|opacity| *opacity >= 254.0 / 255.0) {

@@ -61,7 +61,6 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         focal: focal as f32,
         low_pass: 0.0,
         sigma: sigma as f32,
-        footprint: 0.0,
         pixel: 0.0,
         offset: [0.0; 2],
     };

@@ -69,7 +69,6 @@ fn raster() -> Raster {
         focal: 90.0,
         low_pass: std::f32::consts::SQRT_2,
         sigma: 0.0,
-        footprint: 0.0,
         pixel: 0.0,
         offset: [0.3, -0.4],
     }

@@ -73,7 +73,6 @@ impl Disc {
             focal: FOCAL as f32,
             low_pass: 0.0,
             sigma: 0.0,
-            footprint: 0.0,
             pixel: 0.0,
             offset: [0.0; 2],
         };

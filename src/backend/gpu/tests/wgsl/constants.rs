@@ -22,7 +22,6 @@ use crate::backend::cpu::transparent::composite::MOST_ALPHA;
 use crate::backend::cpu::transparent::project::{
     FAINTEST, FAINTEST_DEPTH, HALF_LOG2_E, LEAST_REACH, MOST_BEND, MOST_DEPTH,
 };
-use crate::backend::cpu::values::{MOST_VARIANCE, OF_LONGER, TEXTURE_VARIANCE};
 use crate::backend::gpu::layout::{
     AMBIENT, DIGIT_BITS, DIRECTIONAL, FIRST_OF_POSITION, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT,
     FLAG_VOLUME, KEEPS_SPLATS, LAST_SLAB, ONE_BATCH, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_REST, Status, TILE,
@@ -35,7 +34,6 @@ use crate::frame::Blocks;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS};
 use crate::math::fast::ROUND;
 use crate::math::sweep::{ELLIPSOID_PEAK, HALF_SQRT_PI, LINE_PEAK, SQRT_HALF_PI, UNMOVED};
-use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA};
 
 /// The bits of a constant, number by number.
 type Bits = Vec<u32>;
@@ -88,15 +86,11 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("LINE_PEAK", float(LINE_PEAK)),
         ("LOG2_FAINTEST", float(FAINTEST.log2())),
         ("MASKS", whole(MASKS)),
-        ("MIPMAP_LEVELS", whole(MIPMAP_LEVELS)),
-        ("MIPMAP_SIGMA", float(MIPMAP_SIGMA)),
         ("MOST_ALPHA", float(MOST_ALPHA)),
         ("MOST_BEND", float(MOST_BEND)),
         ("MOST_DEPTH", float(MOST_DEPTH)),
-        ("MOST_VARIANCE", float(MOST_VARIANCE)),
         ("NOISE", float(NOISE)),
         ("OCTAGON", OCTAGON.as_flattened().iter().map(|number| number.to_bits()).collect()),
-        ("OF_LONGER", float(OF_LONGER)),
         ("OPAQUE", float(OPAQUE)),
         ("OPAQUE_SURFELS", whole(OPAQUE_SURFELS)),
         ("ORDINARY", whole(ORDINARY)),
@@ -117,7 +111,6 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("SLACK_SHARE", float(SLACK_SHARE)),
         ("SQRT_2", float(SQRT_2)),
         ("SQRT_HALF_PI", float(SQRT_HALF_PI)),
-        ("TEXTURE_VARIANCE", float(TEXTURE_VARIANCE)),
         ("TILE", whole(TILE)),
         ("TILE_PIXELS", whole(TILE * TILE)),
         ("TILE_QUADS", whole(TILE * TILE / 4)),

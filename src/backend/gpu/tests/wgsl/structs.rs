@@ -64,7 +64,7 @@ fn shared() -> Vec<(&'static str, Layout)> {
             map_corner,
             map_tiles,
             sigma,
-            footprint,
+            unused,
             first_place,
             opaque_scale,
             flags,

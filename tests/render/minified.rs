@@ -1,5 +1,5 @@
-//! Levels of texture: boards with a pattern whose levels are known in closed form, against the mean of that pattern
-//! over each pixel, which is found without surfels.
+//! Textures that are smaller than pixels: boards with a pattern that is known in closed form under a Gaussian, against
+//! the mean of that pattern over each pixel, which is found without surfels.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::film::Picture;
-use splatblur::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
+use splatblur::model::Surfels;
 use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Object, Scene};
@@ -24,6 +24,8 @@ const ENDS: [f64; 2] = [-0.6, 14.0];
 /// Half the board's width.
 const HALF: f64 = 12.0;
 const COLOURS: [Vec3; 2] = [Vec3::new(0.9, 0.8, 0.7), Vec3::new(0.05, 0.1, 0.2)];
+/// Standard deviation of the filter of a surfel's texture, cut-off radii (docs/math.md, section 13).
+const OF_TEXTURE: f64 = 0.288_675;
 /// Variance of a surfel's kernel, squares of its cut-off radius: what splatting filters of a texture.
 const OF_KERNEL: f64 = 0.171_741;
 
@@ -115,37 +117,32 @@ impl Board {
         d.dot(right).abs() < 115.0 * reach && d.dot(up).abs() < 60.0 * reach
     }
 
-    fn object(&self, levels: bool) -> Object {
+    fn object(&self) -> Object {
         let [u, v] = self.axes();
         let count = |length: f64| (length / self.spacing).round() as usize;
         let place = |i: usize, origin: f64| origin + (i as f64 + 0.5) * self.spacing;
         let places = (0..count(ENDS[1] - ENDS[0]))
             .flat_map(|j| (0..count(2.0 * HALF)).map(move |i| DVec2::new(place(i, -HALF), place(j, ENDS[0]))));
         let places: Vec<DVec2> = places.filter(|p| self.is_seen(p.x * u + p.y * v)).collect();
-        let finest = f64::from(MIPMAP_SIGMA) * self.radius();
+        let finest = OF_TEXTURE * self.radius();
         let normal = u.cross(v);
         let surfel = |p: &DVec2| (p.x * u + p.y * v, normal, self.radius(), self.colour(*p, finest));
-        let mut surfels: Surfels = round_surfels(places.iter().map(surfel));
-        if levels {
-            let of_level = |p: DVec2, level: usize| self.colour(p, f64::from(2_u32 << level) * finest);
-            let of_place = |p: &DVec2| -> [Vec3; MIPMAP_LEVELS] { std::array::from_fn(|level| of_level(*p, level)) };
-            surfels.mipmap = places.iter().map(of_place).collect();
-        }
+        let surfels: Surfels = round_surfels(places.iter().map(surfel));
         let mut board = object(surfels);
         board.shape.surface_mut().unwrap().material = Some(UNLIT);
         board
     }
 
-    /// The background is the mean colour, so that the outline of the board hardly shows: no level filters an outline.
-    fn scene(&self, levels: bool) -> Scene {
-        let mut scene = scene(vec![self.object(levels)], SIZE, self.eye, FOVY);
+    /// The background is the mean colour, so that the outline of the board hardly shows.
+    fn scene(&self) -> Scene {
+        let mut scene = scene(vec![self.object()], SIZE, self.eye, FOVY);
         scene.camera = Camera { at: self.at, up: self.up(), ..scene.camera };
         scene.image.background = COLOURS[0].lerp(COLOURS[1], 0.5).as_dvec3();
         scene
     }
 
     /// What a ray through `at` shows, pixels from the middle of the picture: what many samples of surfels converge to,
-    /// which is the pattern under level 0 and the kernel.
+    /// which is the pattern under the filter of the texture and the kernel.
     fn shown(&self, at: DVec2) -> Vec3 {
         let ([right, up, forward], focal) = self.camera();
         let [u, v] = self.axes();
@@ -154,7 +151,7 @@ impl Board {
         let hit = self.eye - self.eye.dot(normal) / ray.dot(normal) * ray;
         let place = DVec2::new(hit.dot(u), hit.dot(v));
         if (hit - self.eye).dot(forward) > 0.0 && (ENDS[0]..ENDS[1]).contains(&place.y) {
-            let sigma = (f64::from(MIPMAP_SIGMA).powi(2) + OF_KERNEL).sqrt() * self.radius();
+            let sigma = (OF_TEXTURE.powi(2) + OF_KERNEL).sqrt() * self.radius();
             self.colour(place, sigma)
         } else {
             COLOURS[0].lerp(COLOURS[1], 0.5)
@@ -193,68 +190,6 @@ fn picture(scene: &Scene, samples: u32, prefilter: Prefilter) -> Picture {
     render_frame(&mut Cpu::default(), scene, 0, &options).unwrap().picture
 }
 
-/// FLIP without levels and with them, for each number of samples.
-fn errors<const N: usize>(board: &Board, samples: [u32; N], prefilter: Prefilter) -> [[f64; 2]; N] {
-    let truth = board.truth();
-    let scenes = [false, true].map(|levels| board.scene(levels));
-    samples.map(|samples| {
-        let [without, with] = [0, 1].map(|i| flip::mean(&picture(&scenes[i], samples, prefilter), &truth).unwrap());
-        let ratio = with / without;
-        println!("{prefilter:?}, {samples} samples: FLIP {without:.4}, {with:.4} with levels, {ratio:.3}; {board:.2?}");
-        [without, with]
-    })
-}
-
-/// Errors of drawn boards without levels and with them, added up.
-fn of_boards(cells_and_spacings: &[(f64, f64)]) -> [f64; 2] {
-    let mut random = Random(2026);
-    let mut sum = [0.0; 2];
-    for &(cell, spacing) in cells_and_spacings {
-        let board = Board::level(&mut random, cell, spacing);
-        let [[without, with]] = errors(&board, [1], Prefilter::None);
-        assert!(with < 0.7 * without, "{with} of {without}: {board:?}");
-        sum = [sum[0] + without, sum[1] + with];
-    }
-    sum
-}
-
-// Not deep: the only test of what levels are for.
-#[test]
-fn levels_lower_the_error_of_a_board_to_the_horizon() {
-    of_boards(&[(0.05, 0.02), (0.07, 0.02)]);
-}
-
-/// Without a prefilter one sample of what is smaller than a pixel is as good as noise. Levels halve the error. The
-/// rule was tuned on boards that the eye of `Board::usual` sees; these are drawn. All boards together have .476 of the
-/// error, single ones .349 to .610: levels are round where pixels are long.
-#[test]
-#[ignore = "deep: whole pictures"]
-fn levels_halve_the_error_of_boards_to_the_horizon() {
-    let sum = of_boards(&[(0.05, 0.02), (0.07, 0.02), (0.2, 0.02), (0.13, 0.02), (0.07, 0.013), (0.2, 0.013)]);
-    assert!(sum[1] < 0.5 * sum[0], "{sum:?}");
-}
-
-/// Stripes that run to the horizon are the worst that there is: along them nothing needs a filter. Many samples filter
-/// by themselves, and so does the disc of the approximate filter.
-#[test]
-#[ignore = "deep: whole pictures"]
-fn levels_do_no_harm() {
-    let mut random = Random(77);
-    // The published filter has one board: each takes seconds.
-    for (prefilter, stripes, tilt) in [
-        (Prefilter::None, true, 0.0),
-        (Prefilter::None, true, 0.2),
-        (Prefilter::None, false, 0.4),
-        (Prefilter::Approx, false, 0.4),
-    ] {
-        let board = Board { stripes, tilt, ..Board::level(&mut random, 0.16, 0.03) };
-        let board = Board { turn: random.within(0.0, 0.3), ..board };
-        for [without, with] in errors(&board, [1, 4, 16], prefilter) {
-            assert!(with < 1.05 * without, "{with} of {without}: {board:?}");
-        }
-    }
-}
-
 /// Why `Prefilter::Auto` looks for minified splats: full EWA doubles the price of a sample, and on a regular pattern to
 /// the horizon it is nearer to the truth than twice the samples without it. Measured: .47 to .87 of their FLIP.
 #[test]
@@ -263,7 +198,7 @@ fn full_ewa_shows_more_than_twice_the_samples() {
     let mut random = Random(411);
     for (cell, spacing, stripes) in [(0.07, 0.02, false), (0.16, 0.03, true), (0.05, 0.013, false)] {
         let board = Board { stripes, ..Board::level(&mut random, cell, spacing) };
-        let (truth, scene) = (board.truth(), board.scene(false));
+        let (truth, scene) = (board.truth(), board.scene());
         for samples in [4, 8, 16] {
             let filtered = picture(&scene, samples, Prefilter::Ewa);
             assert!(filtered == picture(&scene, samples, Prefilter::Auto), "{samples} samples: {board:?}");
@@ -276,20 +211,16 @@ fn full_ewa_shows_more_than_twice_the_samples() {
     }
 }
 
-/// Full EWA filters textures together with kernels.
+/// A still picture of few samples filters what is minified: the default is nearer to the truth than no filter.
+// Not deep: the only quick test of what the filter of minified textures is for.
 #[test]
-fn full_ewa_takes_the_finest_level() {
-    let board = Board::usual(0.1);
-    let of = |levels| picture(&board.scene(levels), 1, Prefilter::Ewa);
-    assert!(of(true) == of(false));
-}
-
-/// Where surfels are wider than pixels, textures stay as sharp as they are.
-#[test]
-fn a_magnified_texture_shows_the_finest_level() {
-    let near = Board { eye: DVec3::new(0.0, 0.5, 0.0), at: DVec3::new(0.0, 0.0, -0.3), ..Board::usual(0.1) };
-    for prefilter in [Prefilter::None, Prefilter::Approx] {
-        let [without, with] = [false, true].map(|levels| picture(&near.scene(levels), 1, prefilter));
-        assert!(without == with);
+fn what_is_minified_is_filtered() {
+    for (cell, samples, most) in [(0.05, 1, 0.5), (0.1, 1, 0.5), (0.1, 4, 0.9), (0.2, 4, 0.9)] {
+        let board = Board::usual(cell);
+        let truth = board.truth();
+        let [none, auto] = [Prefilter::None, Prefilter::Auto]
+            .map(|prefilter| flip::mean(&picture(&board.scene(), samples, prefilter), &truth).unwrap());
+        println!("cells of {cell}, {samples} samples: FLIP {none:.4} without, {auto:.4} with the default");
+        assert!(auto < most * none, "cells of {cell}, {samples} samples: {auto} of {none}");
     }
 }
