@@ -41,10 +41,7 @@ pub(super) fn named<'a>(cases: &'a [Case], name: &str) -> &'a Case {
     cases.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case {name}"))
 }
 
-static MUTANTS: [Mutant; 56] = [
-    ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
-    ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
-    ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
+static MUTANTS: [Mutant; 53] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
