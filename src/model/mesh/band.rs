@@ -52,14 +52,9 @@ impl Bands {
         Self((0..levels).map(|level| Band::none(of_level(coarse, level))).collect())
     }
 
-    /// Not refined yet ([`Band::new`]). `None` if the edges of one level have more than `most` parts.
-    pub(super) fn new(edges: &Edges, coarse: f64, levels: usize, most: f64) -> Option<Self> {
-        (0..levels).map(|level| Band::new(edges, of_level(coarse, level), level, most)).collect::<Option<_>>().map(Self)
-    }
-
-    /// Gives all levels a fine grid, whose spacing is less than 1 coarse spacing.
-    pub(super) fn refine(&mut self, ratio: f64) {
-        self.0.iter_mut().for_each(|band| band.ratio = ratio);
+    /// Gives a level another band.
+    pub(super) fn set(&mut self, level: usize, band: Band) {
+        self.0[level] = band;
     }
 
     /// The band of a level.
@@ -83,9 +78,10 @@ impl Band {
         Self { coarse, ratio: 1.0, segments: Vec::new(), cells: Vec::new() }
     }
 
-    /// Not refined yet. Edges that are shorter than the coarse spacing do not count, nor those of levels that are not
+    /// The band at the edges around a level, not refined yet. Edges that are shorter than the coarse spacing do not count, nor those of levels that are not
     /// beside this one. `None` if they have more than `most` parts as long as a cell.
-    fn new(edges: &Edges, coarse: f64, level: usize, most: f64) -> Option<Self> {
+    pub(super) fn with_edges(&self, edges: &Edges, level: usize, most: f64) -> Option<Self> {
+        let coarse = self.coarse;
         let counts = |([a, b], of_edge): &(&[DVec3; 2], &u8)| {
             a.distance_squared(*b) >= coarse * coarse && level.abs_diff(usize::from(**of_edge)) <= 1
         };
@@ -123,6 +119,11 @@ impl Band {
         });
         band.cells = cells;
         Some(band)
+    }
+
+    /// The same with a fine grid, whose spacing is less than 1 coarse spacing.
+    pub(super) fn refined(self, ratio: f64) -> Self {
+        Self { ratio, ..self }
     }
 
     /// Distance of the rays of a grid.

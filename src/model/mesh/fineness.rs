@@ -105,12 +105,16 @@ impl Lens {
     }
 }
 
-/// The triangles of a mesh that are used, some of them halved, without textures; and the level of each.
-pub(super) type Divided = (Mesh, Vec<u8>);
+/// Triangles of which wide ones were halved.
+pub(super) struct Divided {
+    /// The triangles that are used, without textures.
+    pub(super) mesh: Mesh,
+    /// The spacing that each of them needs, model units.
+    pub(super) wanted: Vec<f64>,
+}
 
-/// Halves the wide triangles of a mesh, and gives levels to all. `None` where all have level 0. Then the spacing of
-/// level 0, model units.
-pub(super) fn divide(facets: &Facets<'_>, fineness: &Fineness) -> (Option<Divided>, f64) {
+/// Halves the wide triangles of a mesh.
+pub(super) fn divide(facets: &Facets<'_>, fineness: &Fineness) -> Divided {
     let source = facets.mesh;
     let triangles: Vec<Triangle> = facets.kept.iter().map(|&i| source.triangles[i as usize]).collect();
     let mut pieces = Pieces {
@@ -138,11 +142,52 @@ pub(super) fn divide(facets: &Facets<'_>, fineness: &Fineness) -> (Option<Divide
         }
         range = pieces.halve(&marked, &range, fineness);
     }
-    let nearest = range.iter().map(|[nearest, _]| *nearest).fold(f64::INFINITY, f64::min);
-    let level = |[near, _]: &[f64; 2]| (libm::log2(near / nearest).floor() as i32).clamp(0, COARSEST) as u8;
-    let level: Vec<u8> = range.iter().map(level).collect();
-    let is_alike = level.iter().all(|&level| level == 0);
-    ((!is_alike).then_some((pieces.mesh, level)), nearest)
+    Divided { mesh: pieces.mesh, wanted: range.into_iter().map(|[nearest, _]| nearest).collect() }
+}
+
+impl Divided {
+    /// The areas of the triangles as rays see them ([`super::raster::hits`]).
+    pub(super) fn projected(&self, reduce: bool) -> Vec<f64> {
+        let of = |triangle: &Triangle| {
+            let [a, b, c] = triangle.corners.map(|v| self.mesh.position[v as usize]);
+            let sides = (b - a).cross(c - a).abs();
+            0.5 * if reduce { sides.max_element() } else { sides.element_sum() }
+        };
+        self.mesh.triangles.par_iter().map(of).collect()
+    }
+
+    /// The least spacing that a triangle needs.
+    pub(super) fn nearest(&self) -> f64 {
+        self.wanted.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The level of each triangle where no spacing is below `least`, which is that of level 0.
+    pub(super) fn levels(&self, least: f64) -> Vec<u8> {
+        let level = |wanted: &f64| (libm::log2(wanted / least).floor() as i32).clamp(0, COARSEST) as u8;
+        self.wanted.iter().map(level).collect()
+    }
+
+    /// The least spacing with which there are about `most` surfels. `projected` are the areas of the triangles as rays
+    /// see them. The nearest parts give way first.
+    pub(super) fn least(&self, projected: &[f64], most: f64) -> f64 {
+        let count = |least: f64| -> f64 {
+            let levels = self.levels(least);
+            let of = |(area, level): (&f64, u8)| area / (least * f64::from(level).exp2()).powi(2);
+            projected.iter().zip(levels).map(of).sum()
+        };
+        let nearest = self.nearest();
+        if count(nearest) <= most {
+            return nearest;
+        }
+        let whole: f64 = projected.iter().sum();
+        // One spacing for all makes as many.
+        let (mut low, mut high) = (nearest, (whole / most).sqrt().max(nearest));
+        for _ in 0..24 {
+            let middle = (low * high).sqrt();
+            if count(middle) > most { low = middle } else { high = middle }
+        }
+        high
+    }
 }
 
 /// Triangles that are being halved.
@@ -330,8 +375,8 @@ mod tests {
         for (mesh, eye) in [(floor(), DVec3::Y), (room(), DVec3::new(0.3, 0.2, -8.0)), (room(), DVec3::X * 11.0)] {
             let fineness = camera(eye);
             let facets = Facets::new(&mesh);
-            let (divided, _) = divide(&facets, &fineness);
-            let (pieces, levels) = divided.unwrap();
+            let divided = divide(&facets, &fineness);
+            let (levels, pieces) = (divided.levels(divided.nearest()), divided.mesh);
             let area = |mesh: &Mesh| {
                 let facets = Facets::new(mesh);
                 assert_eq!(facets.kept.len(), mesh.triangles.len());
@@ -371,7 +416,7 @@ mod tests {
             let mut order: Vec<usize> = (0..places.len()).collect();
             order.sort_by(|&a, &b| places[a].x.total_cmp(&places[b].x));
             let xs: Vec<f64> = order.iter().map(|&i| places[i].x).collect();
-            let (pieces, _) = divide(&Facets::new(&mesh), &fineness).0.unwrap();
+            let pieces = divide(&Facets::new(&mesh), &fineness).mesh;
             for step in 0..10_000_usize {
                 // Points of the pieces, half of them on edges, where levels meet.
                 let share = |prime: f64| (step as f64 * prime).fract();

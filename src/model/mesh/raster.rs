@@ -8,7 +8,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::band::{Bands, Spans};
+use super::band::{Band, Bands, Spans};
 use super::facets::{Facets, Hit, TriangleShape, shadow};
 
 /// A hit on an edge, which the triangle beyond it may have found too.
@@ -137,11 +137,13 @@ impl Grid {
     }
 }
 
-/// How many hits of the coarse rays are within `reach` of sharp edges, coarse spacings.
-pub(super) fn count(facets: &Facets<'_>, bands: &Bands, reach: f64, reduce: bool) -> u64 {
+/// How many hits of the coarse rays of a level are within `reach` of sharp edges, coarse spacings.
+pub(super) fn count(facets: &Facets<'_>, level: u8, band: &Band, reach: f64, reduce: bool) -> u64 {
     let of_triangle = |&triangle: &u32| {
-        let (shape, level) = (facets.shape(triangle), facets.level(triangle));
-        let band = bands.of(level);
+        if facets.level(triangle) != level {
+            return 0;
+        }
+        let shape = facets.shape(triangle);
         let near = band.near(&shape);
         if near.is_empty() {
             return 0;

@@ -18,6 +18,10 @@ use crate::model::surfels::{Normalisation, Surfels, VelocityUnit};
 /// Surfels of a mesh where nothing else decides.
 const USUAL: f64 = 200_000.0;
 
+/// How many times too many surfels all parts of a mesh share by wider spacings: by up to twice of what they need. Where
+/// there are more, the nearest parts give way first: a camera at a wall would take all surfels for what it hardly sees.
+const EXCESS: f64 = 4.0;
+
 /// Least radius, model units: its square does not underflow in `f32`.
 const SMALLEST: f64 = 1e-18;
 
@@ -84,14 +88,12 @@ pub(crate) fn sample_as(
         return None;
     }
     let about = About::new(&whole);
-    let (divided, nearest) = divide(&whole, fineness);
-    let facets = match &divided {
-        Some((mesh, level)) => Facets::new(mesh).with_levels(level.clone()),
-        None => whole,
-    };
+    let divided = divide(&whole, fineness);
+    let least = divided.least(&divided.projected(reduce), EXCESS * surfels[1]);
+    let facets = Facets::new(&divided.mesh).with_levels(divided.levels(least));
     let edges = Edges::new(&facets);
     let counted = Counted::new(&facets, &edges, reduce);
-    let spacing = counted.within(nearest, surfels);
+    let spacing = counted.within(least, surfels);
     Some(sampled(&counted, &counted.bands(spacing).0, &mesh.textures, radius_scale, about))
 }
 

@@ -41,6 +41,7 @@ pub(super) struct Counted<'a> {
 
 /// What [`Counted::estimate`] asks of a triangle.
 struct Size {
+    level: u8,
     /// Area of its projections.
     projected: f64,
     height: f64,
@@ -55,7 +56,12 @@ impl<'a> Counted<'a> {
             let projected = 0.5 * if reduce { sides.max_element() } else { sides.element_sum() };
             // As it would be on level 0.
             let less = f64::from(facets.level(i)).exp2().recip();
-            Size { projected: projected * less * less, height: shape.height() * less, longest: shape.longest * less }
+            Size {
+                level: facets.level(i),
+                projected: projected * less * less,
+                height: shape.height() * less,
+                longest: shape.longest * less,
+            }
         };
         Self { facets, edges, reduce, sizes: facets.kept.par_iter().map(size).collect() }
     }
@@ -63,13 +69,25 @@ impl<'a> Counted<'a> {
     /// About as many surfels as rays with `spacing` make where no edge is sharp. A family of rays makes one for each
     /// spacing^2 of a triangle's projection. A thin triangle counts by its length, and each triangle takes some work.
     fn estimate(&self, spacing: f64) -> f64 {
+        self.of_levels(spacing).into_iter().sum()
+    }
+
+    /// The same of each level.
+    fn of_levels(&self, spacing: f64) -> Vec<f64> {
         let count = |size: &Size| {
             let of_area = size.projected / spacing / spacing;
             if size.height < 0.5 * spacing { of_area.max(0.25 * size.longest / spacing) } else { of_area }
         };
         // Sums of whole chunks in their order do not depend on threads.
-        let sums: Vec<f64> = self.sizes.par_chunks(4096).map(|chunk| chunk.iter().map(count).sum()).collect();
-        sums.into_iter().sum()
+        let of_chunk = |chunk: &[Size]| {
+            let mut sums = vec![0.0; self.facets.levels()];
+            for size in chunk {
+                sums[usize::from(size.level)] += count(size);
+            }
+            sums
+        };
+        let sums: Vec<Vec<f64>> = self.sizes.par_chunks(4096).map(of_chunk).collect();
+        (0..self.facets.levels()).map(|level| sums.iter().map(|of_chunk| of_chunk[level]).sum()).collect()
     }
 
     /// The bands at sharp edges where the coarse spacing of level 0 is given, and about as many surfels as there are in
@@ -77,23 +95,28 @@ impl<'a> Counted<'a> {
     ///
     /// The fine spacing is such that the band adds no more than a share of what there is without it. Where nearly all
     /// is band there is none: the surface is rough, and not a thing with outlines. Nor is there where edges are so many
-    /// that they take longer than the sampling.
+    /// that they take longer than the sampling. Each level has a band of its own, or none.
     pub(super) fn bands(&self, coarse: f64) -> (Bands, f64) {
-        let all = self.estimate(coarse);
-        let most = (MOST_PARTS * (all + self.facets.kept.len() as f64)).max(FEW_PARTS);
-        let levels = self.facets.levels();
-        let Some(mut bands) = Bands::new(self.edges, coarse, levels, most) else {
-            return (Bands::none(coarse, levels), all);
-        };
-        let within = raster::count(self.facets, &bands, band::reach(FINEST), self.reduce) as f64;
-        // The fine grid takes the place of the coarse one within a part of the band.
-        let replaced = band::coarse_from(FINEST) / band::reach(FINEST);
-        let density = (replaced + MOST_AT_EDGES * all / within.max(1.0)).min(FINEST.powi(-2));
-        if density.sqrt() * COARSEST < 1.0 {
-            return (Bands::none(coarse, levels), all);
+        let mut bands = Bands::none(coarse, self.facets.levels());
+        let mut count = 0.0;
+        let mut triangles = vec![0.0; self.facets.levels()];
+        for size in &self.sizes {
+            triangles[usize::from(size.level)] += 1.0;
         }
-        bands.refine(density.sqrt().recip());
-        (bands, all + within * (density - replaced))
+        for (level, all) in self.of_levels(coarse).into_iter().enumerate() {
+            count += all;
+            let most = (MOST_PARTS * (all + triangles[level])).max(FEW_PARTS);
+            let Some(band) = bands.of(level as u8).with_edges(self.edges, level, most) else { continue };
+            let within = raster::count(self.facets, level as u8, &band, band::reach(FINEST), self.reduce) as f64;
+            // The fine grid takes the place of the coarse one within a part of the band.
+            let replaced = band::coarse_from(FINEST) / band::reach(FINEST);
+            let density = (replaced + MOST_AT_EDGES * all / within.max(1.0)).min(FINEST.powi(-2));
+            if density.sqrt() * COARSEST >= 1.0 {
+                bands.set(level, band.refined(density.sqrt().recip()));
+                count += within * (density - replaced);
+            }
+        }
+        (bands, count)
     }
 
     /// True if the spacing can be worked with.
