@@ -78,8 +78,9 @@ impl Band {
         Self { coarse, ratio: 1.0, segments: Vec::new(), cells: Vec::new() }
     }
 
-    /// The band at the edges around a level, not refined yet. Edges that are shorter than the coarse spacing do not count, nor those of levels that are not
-    /// beside this one. `None` if they have more than `most` parts as long as a cell.
+    /// The band at the edges around a level, not refined yet. Edges that are shorter than the coarse spacing do not
+    /// count, nor those of levels that are not beside this one. `None` if they have more than `most` parts as long as a
+    /// cell.
     pub(super) fn with_edges(&self, edges: &Edges, level: usize, most: f64) -> Option<Self> {
         let coarse = self.coarse;
         let counts = |([a, b], of_edge): &(&[DVec3; 2], &u8)| {
