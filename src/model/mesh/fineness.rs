@@ -75,6 +75,15 @@ impl Fineness {
         self.views.is_empty()
     }
 
+    /// The spacing where a box about `middle` is nearest.
+    pub(super) fn of_box(&self, middle: DVec3, size: DVec3) -> f64 {
+        let of_view = |view: &View| {
+            let nearest = view.eye.clamp(middle - 0.5 * size, middle + 0.5 * size) - view.eye;
+            view.scale * view.lens.spacing * (view.camera_from_model * nearest).length().max(view.lens.near)
+        };
+        self.views.iter().map(of_view).fold(f64::INFINITY, f64::min)
+    }
+
     /// The spacing where a triangle is nearest, and one that is enough everywhere else on it.
     fn range(&self, corner: [DVec3; 3]) -> [f64; 2] {
         let of_view = |view: &View| {

@@ -88,6 +88,14 @@ pub(crate) fn sample_as(
         return None;
     }
     let about = About::new(&whole);
+    // One spacing for all where surfels suffice for it: levels of detail take what is far.
+    let uniform = fineness.of_box(whole.origin, whole.size);
+    let edges = Edges::new(&whole);
+    let counted = Counted::new(&whole, &edges, reduce);
+    if counted.estimate(uniform) <= surfels[1] && counted.bands(uniform).1 <= surfels[1] {
+        let spacing = counted.within(uniform, surfels);
+        return Some(sampled(&counted, &counted.bands(spacing).0, &mesh.textures, radius_scale, about));
+    }
     let divided = divide(&whole, fineness);
     let least = divided.least(&divided.projected(reduce), EXCESS * surfels[1]);
     let facets = Facets::new(&divided.mesh).with_levels(divided.levels(least));

@@ -68,7 +68,7 @@ impl<'a> Counted<'a> {
 
     /// About as many surfels as rays with `spacing` make where no edge is sharp. A family of rays makes one for each
     /// spacing^2 of a triangle's projection. A thin triangle counts by its length, and each triangle takes some work.
-    fn estimate(&self, spacing: f64) -> f64 {
+    pub(super) fn estimate(&self, spacing: f64) -> f64 {
         self.of_levels(spacing).into_iter().sum()
     }
 
