@@ -320,15 +320,15 @@ fn of_backend(options: &RenderOptions) -> Cow<'_, RenderOptions> {
 fn with_detail(mut rendered: Rendered, errors: &BlockErrors, options: &RenderOptions) -> Rendered {
     rendered.stats.add_detail(errors.whole());
     let picture = &mut rendered.picture;
-    let is_stated = |layer: &&mut Layer| layer.aov == Aov::Error;
+    let stated = picture.layers.iter_mut().find(|layer| layer.aov == Aov::Error);
     let wanted = options.look.aovs.contains(&Aov::LodError);
-    if !wanted && !picture.layers.iter_mut().any(|layer| is_stated(&&mut *layer)) {
+    if stated.is_none() && !wanted {
         return rendered;
     }
     let plane = errors.plane([picture.width, picture.height]);
-    for layer in picture.layers.iter_mut().filter(is_stated) {
-        for value in layer.planes.iter_mut().flat_map(|own| own.iter_mut().zip(&plane)) {
-            *value.0 = value.0.hypot(*value.1);
+    for own in stated.into_iter().flat_map(|layer| &mut layer.planes) {
+        for (stated, detail) in own.iter_mut().zip(&plane) {
+            *stated = stated.hypot(*detail);
         }
     }
     if wanted {

@@ -85,8 +85,8 @@ impl Scene {
                 return None;
             }
             let tolerance = match object.detail {
-                None | Some(Detail::Auto) => tolerance,
-                Some(own) => CutTolerance::of(own.error(Quality::default())?),
+                Detail::Auto => tolerance,
+                own => CutTolerance::of(own.error(Quality::default())?),
             };
             let mirrors = if self.environment.is_some() { surface.reflection } else { 0.0 };
             let model = model.cut(|levels| {

@@ -234,9 +234,9 @@ pub struct Object {
     pub opacity: f64,
     /// Depth tolerance of the visibility rule, world units; `None`: [`Shape::tolerance`] times the object's scale.
     pub epsilon: Option<f64>,
-    /// How fine its surfels are; `None` and [`Detail::Auto`]: as the picture asks. Where the picture asks for
-    /// [`Detail::Full`], all of them show.
-    pub detail: Option<Detail>,
+    /// How fine its surfels are; [`Detail::Auto`]: as the picture asks. Where the picture asks for [`Detail::Full`],
+    /// all of them show.
+    pub detail: Detail,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
 }
@@ -259,7 +259,7 @@ impl Object {
             place: Trs::default(),
             opacity: 1.0,
             epsilon: None,
-            detail: None,
+            detail: Detail::Auto,
             blur: true,
             shape: shape.into(),
         }

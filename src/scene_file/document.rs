@@ -84,7 +84,7 @@ pub(super) struct ObjectSpec {
     pub(super) two_sided: Option<bool>,
     pub(super) points: PointMotion,
     pub(super) epsilon: Option<f64>,
-    pub(super) detail: Option<Detail>,
+    pub(super) detail: Detail,
     pub(super) shape: ShapeSpec,
     pub(super) options: model::LoadOptions,
     pub(super) transform: Trs,
@@ -340,7 +340,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             at: part.optional_number("at")?,
         },
         epsilon: part.optional_number("epsilon")?,
-        detail: part.choice("detail")?.and_then(|word| word.parse().ok()),
+        detail: part.choice("detail")?.and_then(|word| word.parse().ok()).unwrap_or_default(),
         shape: match part.element.child("sphere") {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
             None => shape(&model)?,

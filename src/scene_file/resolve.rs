@@ -19,6 +19,7 @@ use crate::files::Seen;
 use crate::image;
 use crate::model::mesh::Fineness;
 use crate::model::{self, LoadedShape, MeshOptions, MeshSource, ReadFile, Spacing};
+use crate::options::Detail;
 use crate::scene::{
     self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Object, Opened, PointMotion, Scene, Sequence,
     SequenceSpec, Shape, Surface,
@@ -390,7 +391,7 @@ impl Files<'_> {
         if (is_capture || is_volume) && spec.two_sided == Some(true) {
             note("`twoSided` is for surfels, and means");
         }
-        if spec.detail.is_some() && !matches!(shape, Shape::Surfels { .. }) {
+        if spec.detail != Detail::Auto && !matches!(shape, Shape::Surfels { .. }) {
             note("`detail` is for models of surfels, and means");
         }
     }

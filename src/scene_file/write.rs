@@ -162,8 +162,7 @@ impl Xml {
         let surface = object.shape.surface();
         attributes.extend(surface.map(|surface| ("twoSided", surface.two_sided.to_string())));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
-        let detail = object.detail.filter(|&detail| detail != Detail::Auto);
-        attributes.extend(detail.map(|detail| ("detail", detail.to_string())));
+        attributes.extend((object.detail != Detail::Auto).then(|| ("detail", object.detail.to_string())));
         let points = match &object.shape {
             Shape::Surfels { points, .. } => *points,
             Shape::Sequence { unit, .. } => PointMotion { unit: *unit, at: None },

@@ -250,7 +250,7 @@ fn every_value_arrives() {
     assert_eq!(o.name, "a <b> & \"c\" é");
     assert_eq!(
         (o.blur, surface(o).two_sided, o.epsilon, o.detail, o.source.options.radius_scale),
-        (false, true, Some(0.0125), Some(Detail::Final), 2.25)
+        (false, true, Some(0.0125), Detail::Final, 2.25)
     );
     assert_eq!(o.transform.scale, DVec3::splat(1.7));
     assert_eq!(o.transform.rotate.y, -std::f64::consts::FRAC_PI_2);

@@ -106,12 +106,10 @@ fn scene_object(o: &Object) -> Value {
         ("radius_scale", json!(o.source.options.radius_scale)),
         ("blur", json!(o.blur)),
         ("epsilon", o.epsilon.map_or_else(|| json!("tolerance"), |e| json!(e))),
+        ("detail", json!(o.detail.word())),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
-    if let Some(detail) = o.detail {
-        pairs.push(("detail", json!(detail.word())));
-    }
     if let Some(surface) = o.shape.surface() {
         pairs.push(("two_sided", json!(surface.two_sided)));
     }

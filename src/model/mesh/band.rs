@@ -62,6 +62,7 @@ impl Bands {
         &self.0[usize::from(level)]
     }
 
+    /// The bands of all levels, from the finest on.
     pub(super) fn levels(&self) -> impl Iterator<Item = &Band> {
         self.0.iter()
     }

@@ -27,6 +27,7 @@ pub(super) struct Facets<'a> {
     pub(super) welded: Vec<u32>,
     /// The level of each triangle of the mesh ([`super::fineness`]). Empty where all have level 0.
     level: Vec<u8>,
+    levels: usize,
 }
 
 /// A point as rays along an axis see it.
@@ -130,12 +131,22 @@ impl<'a> Facets<'a> {
         };
         let corners = kept.iter().flat_map(|&i| mesh.triangles[i as usize].corners);
         let bounds: Bounds = corners.map(|v| mesh.position[v as usize]).collect();
-        Self { mesh, origin: bounds.centre(), size: bounds.size(), kept, repeated, welded, level: Vec::new() }
+        Self {
+            mesh,
+            origin: bounds.centre(),
+            size: bounds.size(),
+            kept,
+            repeated,
+            welded,
+            level: Vec::new(),
+            levels: 1,
+        }
     }
 
     /// The same with levels, one for each triangle of the mesh.
     pub(super) fn with_levels(self, level: Vec<u8>) -> Self {
-        Self { level, ..self }
+        let levels = level.iter().max().map_or(1, |&most| usize::from(most) + 1);
+        Self { level, levels, ..self }
     }
 
     /// The level of a triangle.
@@ -145,7 +156,7 @@ impl<'a> Facets<'a> {
 
     /// How many levels there are.
     pub(super) fn levels(&self) -> usize {
-        self.level.iter().max().map_or(1, |&most| usize::from(most) + 1)
+        self.levels
     }
 
     pub(super) fn shape(&self, triangle: u32) -> TriangleShape {

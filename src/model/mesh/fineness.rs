@@ -499,8 +499,8 @@ mod tests {
         ] {
             assert!((distance(corner) - wanted).abs() < 1e-12, "{corner:?} {}", distance(corner));
         }
-        // Over the long side: the line x + y = -1.
-        let off = triangle(1.0, -3.0).map(|p| p - DVec3::Y * 0.0);
+        // Over the long side.
+        let off = triangle(1.0, -3.0);
         let nearest =
             (0..=1000).map(|i| off[1].lerp(off[2], f64::from(i) / 1000.0).length()).fold(f64::INFINITY, f64::min);
         assert!((distance(off) - nearest).abs() < 1e-5);

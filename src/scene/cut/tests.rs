@@ -113,15 +113,15 @@ fn the_cut_follows_distance_and_tolerance() {
 /// An object's own detail holds in place of that of the picture.
 #[test]
 fn an_object_has_its_own_detail() {
-    let of = |detail: Option<Detail>| {
+    let of = |detail: Detail| {
         let mut scene = plane(noise, DVec3::ZERO);
         scene.camera.eye = DVec3::Z * 256.0 * 8.0;
         scene.objects[0].detail = detail;
         surfels(&scene, CutTolerance::of(0.025))
     };
-    let [draft, good, full] = [Detail::Draft, Detail::Good, Detail::Full].map(|detail| of(Some(detail)));
+    let [draft, good, full] = [Detail::Draft, Detail::Good, Detail::Full].map(of);
     assert!(draft < good && good < full && full == SIDE * SIDE, "{draft} {good} {full}");
-    assert!(good == of(None) && good == of(Some(Detail::Auto)));
+    assert_eq!(good, of(Detail::Auto));
 }
 
 /// A node around the eye, or partly behind it, is taken apart.
