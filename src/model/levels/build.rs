@@ -47,10 +47,11 @@ impl Levels {
         let grid = Grid::new(low, (high - low).max_element() / ((1_u32 << BITS) - 1) as f32);
         let (drafts, depths) = drafts(&codes);
         let occupied = occupied(surfels, &codes, &drafts, &grid);
-        let mut nodes: Vec<Node> = Vec::with_capacity(drafts.len());
-        let mut merged: Vec<Vec<Disc>> = Vec::new();
+        let mut nodes: Vec<Node> = Vec::new();
         nodes.resize(drafts.len(), Node::default());
-        merged.resize_with(drafts.len(), Vec::new);
+        let mut merged = Merged { of: Surfels { origin: surfels.origin, ..Surfels::default() }, share: Vec::new() };
+        // The merged discs of the nodes of the depth below, which are many and large: no others are held.
+        let (mut first_below, mut all_below): (usize, Vec<Vec<Disc>>) = (drafts.len(), Vec::new());
         for depth in depths.into_iter().rev() {
             let made: Vec<(Node, Vec<Disc>)> = depth
                 .clone()
@@ -67,7 +68,7 @@ impl Levels {
                         if drafts[child].children.is_empty() {
                             below.extend(drafts[child].leaves.clone().map(|i| Disc::of(surfels, i)));
                         } else {
-                            below.extend_from_slice(&merged[child]);
+                            below.extend_from_slice(&all_below[child - first_below]);
                         }
                     }
                     let cells = occupied.partition_point(|cells| cells.shift < shift(draft.bits));
@@ -75,26 +76,52 @@ impl Levels {
                     (inner(draft, &nodes[children], &own, &grid), own)
                 })
                 .collect();
+            first_below = depth.start;
+            all_below.clear();
             for (i, (node, own)) in depth.zip(made) {
                 nodes[i] = node;
-                merged[i] = own;
+                if !nodes[i].is_leaf() {
+                    nodes[i].surfels = merged.add(&own, surfels)?;
+                }
+                all_below.push(own);
             }
         }
-        let mut start = 0;
-        for (node, own) in nodes.iter_mut().zip(&merged).filter(|(node, _)| !node.is_leaf()) {
-            node.surfels = start..start + own.len() as u32;
-            start = node.surfels.end;
-        }
-        let merged = merged.concat();
-        let is_sound = |disc: &Disc| {
+        Some(Self { nodes, merged: merged.of, share: merged.share })
+    }
+}
+
+/// The merged surfels so far: those of a node one after the other, those of deeper nodes first.
+struct Merged {
+    of: Surfels,
+    share: Vec<f32>,
+}
+
+impl Merged {
+    /// Adds the surfels of a node, with the columns that the model has, and gives their range. `None` if one has no
+    /// area, or a number is not finite.
+    fn add(&mut self, discs: &[Disc], model: &Surfels) -> Option<Range<u32>> {
+        let start = self.share.len() as u32;
+        for disc in discs {
+            let area = disc.axis_u.cross(disc.axis_v).length();
             let finite = [disc.position, disc.axis_u, disc.axis_v, disc.normal].iter().all(|v| v.is_finite());
-            finite && disc.axis_u.cross(disc.axis_v).length() > 0.0
-        };
-        if !merged.iter().all(is_sound) {
-            return None;
+            if !finite || area.is_nan() || area <= 0.0 {
+                return None;
+            }
+            let of = &mut self.of;
+            of.position.push(disc.position);
+            of.axis_u.push(disc.axis_u);
+            of.axis_v.push(disc.axis_v);
+            of.normal.push(disc.normal);
+            of.colour.push(disc.colour);
+            if !model.opacity.is_empty() {
+                of.opacity.push(disc.opacity);
+            }
+            if !model.material.is_empty() {
+                of.material.push(disc.material);
+            }
+            self.share.push(disc.area / area);
         }
-        let share = merged.iter().map(|disc| disc.area / disc.axis_u.cross(disc.axis_v).length()).collect();
-        Some(Self { nodes, merged: columns(&merged, surfels), share })
+        Some(start..start + discs.len() as u32)
     }
 }
 
@@ -220,22 +247,5 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
         along: if trace > 0.0 { changes * trace.recip() } else { Mat3::ZERO },
         surfels: 0..0,
         children: draft.children.clone(),
-    }
-}
-
-/// Discs as columns, with those that the model has.
-fn columns(discs: &[Disc], model: &Surfels) -> Surfels {
-    let all = |of: fn(&Disc) -> Vec3| discs.iter().map(of).collect::<Vec<_>>();
-    let has = |there: bool| if there { discs } else { &[] };
-    Surfels {
-        origin: model.origin,
-        position: all(|disc| disc.position),
-        axis_u: all(|disc| disc.axis_u),
-        axis_v: all(|disc| disc.axis_v),
-        normal: all(|disc| disc.normal),
-        colour: all(|disc| disc.colour),
-        opacity: has(!model.opacity.is_empty()).iter().map(|disc| disc.opacity).collect(),
-        material: has(!model.material.is_empty()).iter().map(|disc| disc.material).collect(),
-        ..Surfels::default()
     }
 }

@@ -29,7 +29,7 @@ const FEW: usize = 2 * (CELLS * CELLS) as usize;
 pub(crate) struct Levels {
     /// The root first, and children behind their parent.
     nodes: Vec<Node>,
-    /// The surfels of all nodes that have children, in the order of the nodes.
+    /// The surfels of all nodes that have children: those of a node one after the other.
     merged: Surfels,
     /// Area of the discs of the model below each of them, over its own.
     share: Vec<f32>,

@@ -22,6 +22,13 @@ const OFF: [f32; 3] = [0.0, 0.75, -0.75];
 /// Share of the semi-axes of a disc of the model within which it holds cells.
 const COVERED: f32 = 0.7;
 
+/// Two to this is the edge of a brick, cells. What lies close together is found in one brick.
+const BRICK: u32 = 2;
+/// Cells of a brick.
+const BRICK_CELLS: usize = 1 << (3 * BRICK);
+/// A cell of a brick that holds nothing.
+const NONE: u32 = u32::MAX;
+
 /// Discs whose cells are found by one thread.
 const PART: usize = 1 << 14;
 /// Parts of so many discs whose cells are held at once.
@@ -33,9 +40,14 @@ pub(super) struct Occupied {
     /// Two to this is the edge of a cell, in cells of the codes.
     pub(super) shift: u32,
     cells: Vec<Cell>,
-    /// Index in `cells` by place.
+    /// Indices in `cells`, or [`NONE`].
+    bricks: Vec<[u32; BRICK_CELLS]>,
+    /// Index in `bricks` by place.
     index: HashMap<u64, u32>,
 }
+
+/// The brick that was looked for last, by its key: most often the next cell lies in it, too.
+type Last = Option<(u64, Option<u32>)>;
 
 /// A cell that holds discs.
 #[derive(Clone, Copy, Debug)]
@@ -87,6 +99,7 @@ impl Occupied {
 
     fn of_part(surfels: &Surfels, part: Range<usize>, grid: &Grid, shift: u32) -> Self {
         let mut occupied = Self { shift, ..Self::default() };
+        let mut last = None;
         for i in part {
             let (position, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
             let cross = u.cross(v);
@@ -96,11 +109,11 @@ impl Occupied {
             }
             let side = Side { front, colour: surfels.colour[i] * area, area, ..Side::default() };
             let own = grid.place(position, shift);
-            occupied.add(own, side);
+            occupied.add(own, side, &mut last);
             for to in [u, -u, v, -v] {
                 let place = grid.place(position + to * COVERED, shift);
                 if place != own {
-                    occupied.add(place, side);
+                    occupied.add(place, side, &mut last);
                 }
             }
         }
@@ -116,8 +129,11 @@ impl Occupied {
 
     /// Adds all that `other` holds, whose cells are 2 to `by` times smaller.
     fn add_all(&mut self, other: &Self, by: u32) {
+        let mut last = None;
         for cell in &other.cells {
-            cell.sides.iter().filter(|side| !side.is_empty()).for_each(|&side| self.add(cell.place >> by, side));
+            for &side in cell.sides.iter().filter(|side| !side.is_empty()) {
+                self.add(cell.place >> by, side, &mut last);
+            }
         }
     }
 
@@ -129,19 +145,22 @@ impl Occupied {
         self
     }
 
-    fn add(&mut self, place: IVec3, of: Side) {
-        let Some(key) = key(place) else { return };
-        // Most often it is the cell of the disc before.
-        let cell = match self.cells.last_mut() {
-            Some(last) if last.place == place => last,
-            _ => {
-                let at = *self.index.entry(key).or_insert(self.cells.len() as u32) as usize;
-                if at == self.cells.len() {
-                    self.cells.push(Cell { place, sides: [Side::default(); 2] });
-                }
-                &mut self.cells[at]
-            }
+    fn add(&mut self, place: IVec3, of: Side, last: &mut Last) {
+        let Some((key, slot)) = key(place) else { return };
+        let brick = match *last {
+            Some((of_last, Some(brick))) if of_last == key => brick,
+            _ => *self.index.entry(key).or_insert(self.bricks.len() as u32),
         };
+        *last = Some((key, Some(brick)));
+        if brick as usize == self.bricks.len() {
+            self.bricks.push([NONE; BRICK_CELLS]);
+        }
+        let at = &mut self.bricks[brick as usize][slot];
+        if *at == NONE {
+            *at = self.cells.len() as u32;
+            self.cells.push(Cell { place, sides: [Side::default(); 2] });
+        }
+        let cell = &mut self.cells[*at as usize];
         let [one, other] = &mut cell.sides;
         // What belongs to a third side is left out: there the surface seems to end.
         let Some(side) = [one, other].into_iter().find(|side| side.is_empty() || side.agrees(of.front)) else { return };
@@ -161,12 +180,13 @@ impl Occupied {
         let (right, up) = front.any_orthonormal_pair();
         let own = displayed(disc.colour);
         let mut contrast: f32 = 0.0;
+        let mut last = None;
         for to in DIRECTIONS {
             let towards = right * to.x + up * to.y;
             let places = AWAY.iter().flat_map(|away| OFF.iter().map(move |off| (away, off)));
             let side = places.into_iter().find_map(|(away, off)| {
                 let beside = disc.position + towards * (away * edge + COVERED * disc.radius) + front * (off * edge);
-                self.side(grid.place(beside, self.shift), front)
+                self.side(grid.place(beside, self.shift), front, &mut last)
             });
             let Some(side) = side else { return 1.0 };
             contrast = contrast.max((side.shown - own).length_squared() / 3.0);
@@ -175,15 +195,22 @@ impl Occupied {
     }
 
     /// The discs of a cell on the side of a front.
-    fn side(&self, place: IVec3, front: Vec3) -> Option<&Side> {
-        let cell = &self.cells[*self.index.get(&key(place)?)? as usize];
+    fn side(&self, place: IVec3, front: Vec3, last: &mut Last) -> Option<&Side> {
+        let (key, slot) = key(place)?;
+        let brick = match *last {
+            Some((of_last, brick)) if of_last == key => brick,
+            _ => self.index.get(&key).copied(),
+        };
+        *last = Some((key, brick));
+        let cell = self.cells.get(self.bricks[brick? as usize][slot] as usize)?;
         cell.sides.iter().find(|side| side.agrees(front))
     }
 }
 
-/// A number of its own for each place within the model; `None` outside.
-fn key(place: IVec3) -> Option<u64> {
+/// A number of its own for each brick within the model, and the cell in it; `None` outside.
+fn key(place: IVec3) -> Option<(u64, usize)> {
     let inside = place.cmpge(IVec3::ZERO).all() && place.cmplt(IVec3::splat(1 << BITS)).all();
-    let [x, y, z] = place.to_array().map(|number| u64::from(number as u32));
-    inside.then_some(x << (2 * BITS) | y << BITS | z)
+    let [x, y, z] = (place >> BRICK).to_array().map(|number| u64::from(number as u32));
+    let [i, j, k] = (place & ((1 << BRICK) - 1)).to_array().map(|number| number as usize);
+    inside.then_some((x << (2 * BITS) | y << BITS | z, (i << BRICK | j) << BRICK | k))
 }
