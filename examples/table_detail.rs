@@ -58,7 +58,8 @@ fn models(asked: &Arguments) -> Vec<PathBuf> {
 fn scene(model: &Path, tall: f64, path: f64) -> Scene {
     let of = |eye: DVec3, at: DVec3, step: f64| {
         let text = format!(
-            "<scene><image width=\"{}\" height=\"{}\" background=\"0.3 0.35 0.4\"/><shutter open=\"-0.5\" close=\"0.5\"/>\
+            "<scene><image width=\"{}\" height=\"{}\" background=\"0.3 0.35 0.4\"/>\
+             <shutter open=\"-0.5\" close=\"0.5\"/>\
              <camera eye=\"{} {} {}\" at=\"{} {} {}\" fovy=\"{FOVY}\" near=\"1e-4\"/>\
              <light type=\"directional\" direction=\"-0.5 -1 -0.7\" intensity=\"0.8\"/>\
              <light type=\"ambient\" intensity=\"0.3\"/>\

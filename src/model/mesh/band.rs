@@ -3,8 +3,6 @@
 //! Distances are those of shadows along the axis of the rays. Discs of the coarse grid stand so far from every edge
 //! that they reach no farther beyond it than fine discs do. Fine discs cover what the coarse ones leave.
 
-use std::collections::BTreeSet;
-
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -143,21 +141,27 @@ impl Band {
         if self.cells.is_empty() {
             return Vec::new();
         }
-        let mut found = BTreeSet::new();
+        let [low, high] = box_of(shape.corner);
+        if (high - low).max_element() <= self.width() {
+            let mut indices: Vec<u32> = self.in_box(low, high).collect();
+            indices.sort_unstable();
+            indices.dedup();
+            return indices.into_iter().map(|index| self.segments[index as usize]).collect();
+        }
+        let mut found = Found::new(self.segments.len());
         self.search(shape.corner, &mut found);
-        found.into_iter().map(|index| self.segments[index as usize]).collect()
+        found.indices().map(|index| self.segments[index]).collect()
     }
 
     /// Cuts a triangle until its box is no larger than a cell. A needle of a million cells has few edges of its own: a
     /// part with no edge near that is not found yet has nothing to find.
-    fn search(&self, corner: [DVec3; 3], found: &mut BTreeSet<u32>) {
-        let [a, b, c] = corner;
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    fn search(&self, corner: [DVec3; 3], found: &mut Found) {
+        let [low, high] = box_of(corner);
         // An edge is in the cells that half a width around it meets. They reach one width farther; the rest is slack.
         let margin = DVec3::splat(2.0 * self.width());
         let is_new = |(index, [p, q]): (usize, &[DVec3; 2])| {
             let is_near = (p.min(*q) - margin).cmple(high).all() && (p.max(*q) + margin).cmpge(low).all();
-            is_near && !found.contains(&(index as u32))
+            is_near && !found.contains(index)
         };
         if self.segments.len() <= CROWD && !self.segments.iter().enumerate().any(is_new) {
             return;
@@ -171,13 +175,18 @@ impl Band {
             self.search([middle, to, tip], found);
             return;
         }
+        self.in_box(low, high).for_each(|index| found.add(index as usize));
+    }
+
+    /// The edges of the cells that a box overlaps, some of them more than once.
+    fn in_box(&self, low: DVec3, high: DVec3) -> impl Iterator<Item = u32> + '_ {
         let [low, high] = [low, high].map(|place| cell(place, self.width()));
-        for (x, y) in (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| (x, y))) {
+        (low[0]..=high[0]).flat_map(move |x| (low[1]..=high[1]).map(move |y| (x, y))).flat_map(move |(x, y)| {
             // Cells of one x and y lie one behind the other.
             let start = self.cells.partition_point(|(other, _)| *other < [x, y, low[2]]);
-            let run = self.cells[start..].iter().take_while(|(other, _)| *other <= [x, y, high[2]]);
-            found.extend(run.map(|(_, index)| index));
-        }
+            let run = self.cells[start..].iter().take_while(move |(other, _)| *other <= [x, y, high[2]]);
+            run.map(|(_, index)| *index)
+        })
     }
 
     /// True if a surfel at a place that no ray found is to be fine. `near` are the edges around its triangle.
@@ -186,6 +195,37 @@ impl Band {
         let shadow = |p: DVec3| shadow(p, axis);
         near.iter().any(|segment| distance(shadow(at), segment.map(shadow)) < within)
     }
+}
+
+/// Indices below a bound. A long edge lies in thousands of cells, and is found in each of them.
+struct Found(Vec<u64>);
+
+impl Found {
+    fn new(bound: usize) -> Self {
+        Self(vec![0; bound.div_ceil(64)])
+    }
+
+    fn add(&mut self, index: usize) {
+        self.0[index / 64] |= 1 << (index % 64);
+    }
+
+    fn contains(&self, index: usize) -> bool {
+        self.0[index / 64] >> (index % 64) & 1 == 1
+    }
+
+    /// Rising.
+    fn indices(&self) -> impl Iterator<Item = usize> + '_ {
+        self.0.iter().enumerate().flat_map(|(word, &bits)| {
+            let rest = |bits: &u64| Some(bits & (bits - 1)).filter(|bits| *bits != 0);
+            let each = std::iter::successors(Some(bits).filter(|bits| *bits != 0), rest);
+            each.map(move |bits| 64 * word + bits.trailing_zeros() as usize)
+        })
+    }
+}
+
+/// The box of a triangle.
+fn box_of([a, b, c]: [DVec3; 3]) -> [DVec3; 2] {
+    [a.min(b).min(c), a.max(b).max(c)]
 }
 
 /// The cell of a place.

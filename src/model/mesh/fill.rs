@@ -90,8 +90,10 @@ pub(super) fn extras(facets: &Facets<'_>, edges: &Edges, bands: &Bands, hits: &[
             })
         })
         .filter(|(hit, disc, faces)| {
-            let beside = beside(&cells, facets.level(hit.triangle));
-            !beside.iter().flatten().any(|cells| cells.any_covers(disc, *faces))
+            // Most are covered by discs of their own level.
+            let level = facets.level(hit.triangle);
+            let own = cells[usize::from(level)].iter().rev();
+            !own.chain(beside(&cells, level).iter().flatten()).any(|cells| cells.any_covers(disc, *faces))
         })
         .collect();
     // Few are left, and each covers its neighbours.
