@@ -1,12 +1,13 @@
 //! What levels of detail leave out of a picture, and what they save.
 //!
-//! `cargo run --release --example table_detail [-- TABLE...] [models=FOLDER]`. Tables:
+//! `cargo run --release --example table_detail [-- TABLE...] [models=FOLDER] [scene=NAME]`. Tables:
 //!
 //! - `distances`: detail `good` beside all surfels: FLIP where something is seen, the share of surfels, and the stated
-//!   error over the true one; models at five heights, at rest and with paths of 4, 16 and 64 pixels;
+//!   error over the true one; models of five sizes, at rest and with paths of 4, 16 and 64 pixels;
 //! - `figures`: seconds of a frame after loading, for a figure 60 pixels tall of 10^4 to 10^7 surfels.
 //!
-//! `models`: scans beside those that ship, `guanyin.ply` and others. The results stand in docs/measurements/levels.md.
+//! `models`: a folder with two scans that do not ship, `guanyin.ply` and `pond_mvs.ply`. `scene`: one model alone, by
+//! the name of its file. The results stand in docs/measurements/levels.md.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
 
@@ -28,8 +29,8 @@ use support::Arguments;
 
 const SIZE: [u32; 2] = [480, 270];
 const FOVY: f64 = 40.0;
-/// Heights of the models, pixels.
-const HEIGHTS: [f64; 5] = [240.0, 120.0, 60.0, 30.0, 15.0];
+/// Pixels that the longest side of a model has where its box is nearest; where it is farther away it has fewer.
+const SIZES: [f64; 5] = [240.0, 120.0, 60.0, 30.0, 15.0];
 /// Lengths of paths in the exposure, pixels.
 const PATHS: [f64; 4] = [0.0, 4.0, 16.0, 64.0];
 const SAMPLES: u32 = 64;
@@ -48,14 +49,14 @@ fn models(asked: &Arguments) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let own = ["scenes/models/CesiumMilkTruck.glb", "scenes/models/fuze.obj", "tests/data/models/BoxTextured.glb"];
     let mut models: Vec<PathBuf> = own.iter().map(|path| root.join(path)).collect();
-    let folder = asked.value("models").map_or_else(|| root.join("scenes/models"), PathBuf::from);
-    models
-        .extend(["guanyin.ply", "pond_mvs.ply"].map(|name| folder.join(name)).into_iter().filter(|path| path.exists()));
+    if let Some(folder) = asked.value("models") {
+        models.extend(["guanyin.ply", "pond_mvs.ply"].map(|name| Path::new(folder).join(name)));
+    }
     models
 }
 
-/// A model that is so tall on the image, and gets on by `path` pixels while the shutter is open.
-fn scene(model: &Path, tall: f64, path: f64) -> Scene {
+/// A model that is so long on the image, and gets on by `path` pixels while the shutter is open.
+fn scene(model: &Path, long: f64, path: f64) -> Scene {
     let of = |eye: DVec3, at: DVec3, step: f64| {
         let text = format!(
             "<scene><image width=\"{}\" height=\"{}\" background=\"0.3 0.35 0.4\"/>\
@@ -82,7 +83,7 @@ fn scene(model: &Path, tall: f64, path: f64) -> Scene {
     let (middle, size) = (0.5 * (bounds.min + bounds.max), bounds.max - bounds.min);
     // Pixels of a length of 1 at a distance of 1.
     let focal = 0.5 * f64::from(SIZE[1]) / (0.5 * FOVY.to_radians()).tan();
-    let away = size.max_element() * focal / tall + 0.5 * size.length();
+    let away = size.max_element() * focal / long + 0.5 * size.length();
     let eye = middle + DVec3::new(0.25, 0.3, 1.0).normalize() * away;
     of(eye, middle, path * away / focal)
 }
@@ -94,7 +95,7 @@ fn render(scene: &Scene, detail: Detail) -> (Picture, u64, f64) {
 }
 
 fn distances(asked: &Arguments) {
-    println!("| model, pixels tall | {} |", PATHS.map(|path| format!("path of {path}")).join(" | "));
+    println!("| model, pixels | {} |", PATHS.map(|path| format!("path of {path}")).join(" | "));
     println!("|---|{}", "---|".repeat(PATHS.len()));
     let mut worst: f64 = 0.0;
     for model in models(asked) {
@@ -102,15 +103,15 @@ fn distances(asked: &Arguments) {
         if !asked.scene(&name) {
             continue;
         }
-        for tall in HEIGHTS {
+        for long in SIZES {
             let cells = PATHS.map(|path| {
-                let scene = scene(&model, tall, path);
+                let scene = scene(&model, long, path);
                 let [(full, all, _), (good, some, stated)] = [Detail::Full, Detail::Good].map(|of| render(&scene, of));
                 let (error, rms) = differences(&good, &full);
                 worst = worst.max(error);
                 format!("{error:.4}, {:.3}, {:.1}", some as f64 / all as f64, stated / rms)
             });
-            println!("| *{name}* {tall} | {} |", cells.join(" | "));
+            println!("| *{name}* {long} | {} |", cells.join(" | "));
         }
     }
     println!("\nworst: {worst:.4}");

@@ -18,9 +18,8 @@ use super::values;
 ///
 /// Parallel rays along x, y and z stand on a grid; each point where a ray meets a triangle becomes a surfel (a layered
 /// depth cube; Pfister et al. 2000): an ellipse, one spacing wide and longer down the slope, so that the surface is
-/// covered. A texture is filtered to each surfel, at five widths; .bin keeps all of them, .ply the finest. A scene may
-/// name a mesh as it is: it is then sampled by itself, as finely as its pixels need. OUT.bin saves that time, and fixes
-/// the spacing.
+/// covered. A texture is filtered to each surfel. A scene may name a mesh as it is: it is then sampled by itself, as
+/// finely as its pixels need. OUT.bin saves that time, and fixes the spacing.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

@@ -17,7 +17,7 @@ const RADIUS: f64 = 0.45;
 const PART: f64 = 0.015;
 
 /// Sub-pixel positions from which minified surfels of meshes do not count. They are that small at grazing angles alone,
-/// where a filter doubles the price and takes away 2 to 12 % of FLIP (docs/measurements/meshes.md).
+/// where a filter doubles the price and takes away at most 12 % of FLIP (docs/measurements/meshes.md).
 const ENOUGH_FOR_MESHES: usize = 8;
 
 /// Are splats minified in a part of the image that counts, for so many sub-pixel positions, at the middle of the

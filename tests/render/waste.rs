@@ -37,7 +37,7 @@ const SEEN: [Row; 20] = [
     ("swarm",                      2,  [1.54, 1.52, 0.0]),
     ("three_objects",              20, [1.37, 1.34, 0.0]),
     ("toward_camera_and_sideways", 20, [1.46, 1.35, 0.0]),
-    ("truck",                      8,  [1.38, 1.35, 0.0]),
+    ("truck",                      8,  [1.39, 1.35, 0.0]),
 ];
 
 #[test]

@@ -86,6 +86,7 @@ impl Levels {
                 all_below.push(own);
             }
         }
+        merged.shrink();
         Some(Self { nodes, merged: merged.of, share: merged.share })
     }
 }
@@ -122,6 +123,17 @@ impl Merged {
             self.share.push(disc.area / area);
         }
         Some(start..start + discs.len() as u32)
+    }
+
+    /// Gives back what columns have grown beyond their length.
+    fn shrink(&mut self) {
+        let of = &mut self.of;
+        for column in [&mut of.position, &mut of.axis_u, &mut of.axis_v, &mut of.normal, &mut of.colour] {
+            column.shrink_to_fit();
+        }
+        of.opacity.shrink_to_fit();
+        of.material.shrink_to_fit();
+        self.share.shrink_to_fit();
     }
 }
 
