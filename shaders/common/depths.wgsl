@@ -96,12 +96,12 @@ fn threshold_place(quad: vec2<u32>) -> u32 {
 // Smallest depth tolerance as a share of the depth: 4 units in the last place.
 const LEAST_EPSILON: f32 = 4.0 * EPSILON;
 
-fn tolerance_at(depth: vec4<f32>, epsilon: f32) -> vec4<f32> {
-    return max(vec4<f32>(epsilon), LEAST_EPSILON * depth);
+fn tolerance_at(depth: Floats, epsilon: f32) -> Floats {
+    return max(Floats(epsilon), LEAST_EPSILON * depth);
 }
 
 // The depth up to which splats with this tolerance show, where T is `first` and the nearest disc at `nearest`.
-fn limit_of(tolerance: vec4<f32>, first: vec4<f32>, nearest: vec4<f32>) -> vec4<f32> {
+fn limit_of(tolerance: Floats, first: Floats, nearest: Floats) -> Floats {
     if !NEAREST { return first; }
     return min(first, nearest + tolerance);
 }

@@ -1,9 +1,9 @@
 // Elementary functions as polynomials. Twin: src/math/fast.rs, which has the same coefficients and states the errors.
 
 // exp(-2 r^2) from r^2 in [0, 1].
-fn kernel(r2: vec4<f32>) -> vec4<f32> {
+fn kernel(r2: Floats) -> Floats {
     let y = 2.0 * r2 - 1.0;
-    var p = vec4<f32>(-0.0000753049);
+    var p = Floats(-0.0000753049);
     p = p * y + 0.0005294794;
     p = p * y - 0.0030639193;
     p = p * y + 0.015316665;

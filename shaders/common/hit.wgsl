@@ -1,39 +1,33 @@
-// A splat's plane on the rays through four neighbouring pixels of a row.
+// A splat's plane on the rays through the pixels of an invocation.
 // Twin: Row and Hit of src/backend/cpu/visibility.rs.  Math: docs/math.md, eq. 2.
 
 struct Hit {
     // Distance from the splat's reference point, pixels.
-    x: vec4<f32>,
+    x: Floats,
     y: f32,
-    inverse_depth: vec4<f32>,
+    inverse_depth: Floats,
     // (u^2 + v^2) times the squared inverse depth.
-    scaled_r2: vec4<f32>,
+    scaled_r2: Floats,
     // True in front of the camera and within the cut-off radius.
-    inside: vec4<bool>,
+    inside: Bools,
 }
 
-// The hit of the quad that begins at column `column`, counted from the view's corner.
+// The hit of the pixels that begin at column `column`, counted from the view's corner.
 fn hit(splat: Splat, column: u32, row: u32) -> Hit {
     let pixel = vec2<f32>(vec2<i32>(vec2<u32>(column, row)) + view.corner);
     var out: Hit;
     out.y = pixel.y + 0.5 - splat.reference.y;
-    out.x = pixel.x + vec4<f32>(0.0, 1.0, 2.0, 3.0) + 0.5 - splat.reference.x;
+    out.x = pixel.x + steps() + 0.5 - splat.reference.x;
     out.inverse_depth =
         splat.inverse_depth[0] * out.x + (splat.inverse_depth[1] * out.y + splat.inverse_depth[2]);
     let u = splat.u[0] * out.x + (splat.u[1] * out.y + splat.u[2]);
     let v = splat.v[0] * out.x + (splat.v[1] * out.y + splat.v[2]);
     out.scaled_r2 = u * u + v * v;
-    out.inside = (out.inverse_depth > vec4<f32>(0.0)) & (out.scaled_r2 <= out.inverse_depth * out.inverse_depth);
+    out.inside = (out.inverse_depth > Floats(0.0)) & (out.scaled_r2 <= out.inverse_depth * out.inverse_depth);
     return out;
 }
 
-// The pixels of the quad that begins at column `column` and lie in the splat's columns.
-fn in_columns(bounds: vec4<u32>, column: u32) -> vec4<bool> {
-    let columns = vec4<u32>(column, column + 1u, column + 2u, column + 3u);
-    return (columns >= vec4<u32>(bounds.x)) & (columns <= vec4<u32>(bounds.y));
-}
-
-// True if the splat may touch the quad.
+// True if the splat may touch the pixels.
 fn touches(bounds: vec4<u32>, column: u32, row: u32) -> bool {
-    return column <= bounds.y && column + 3u >= bounds.x && row >= bounds.z && row <= bounds.w;
+    return column <= bounds.y && column + (width() - 1u) >= bounds.x && row >= bounds.z && row <= bounds.w;
 }

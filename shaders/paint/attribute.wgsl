@@ -6,159 +6,143 @@
 //        segments  sample and tolerance of a splat, its weight and share
 //   out  sums      for each tile, for each layer, for each channel, its quads: weight, colour, then what else
 //                  common/channels.wgsl has, where it is wanted
-// One workgroup per tile, one invocation per quad of pixels. A first walk over the list adds the band, a second one the
-// other layers where there are any. Sums stay in registers, in list order.
+// A first walk over the list adds the band, a second one the other layers where there are any. Sums stay in registers,
+// in list order. How invocations share a tile and its list: attribute_quads.wgsl, attribute_pixels.wgsl.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
 @group(1) @binding(4) var<storage, read> splats: array<Kernel>;
 @group(1) @binding(10) var<storage, read> list: array<u32>;
 @group(1) @binding(11) var<storage, read> wide: array<u32>;
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
-@group(1) @binding(17) var<storage, read> thresholds: array<vec4<f32>>;
+@group(1) @binding(17) var<storage, read> thresholds: array<Floats>;
 @group(1) @binding(19) var<storage, read> values: array<f32>;
-@group(1) @binding(20) var<storage, read_write> sums: array<vec4<f32>>;
+@group(1) @binding(20) var<storage, read_write> sums: array<Floats>;
 
-// What the splats of a quad are held against.
-struct Quad {
+// What the splats of an invocation's pixels are held against.
+struct Pixels {
     column: u32,
     row: u32,
     // T and the threshold behind it; UNWANTED where the pixel is solid.
-    first: vec4<f32>,
-    second: vec4<f32>,
+    first: Floats,
+    second: Floats,
     // Depth of the nearest disc, where objects have limits of their own.
-    nearest: vec4<f32>,
-    open: vec4<bool>,
+    nearest: Floats,
+    open: Bools,
     // Between these lies what is peeled off.
-    floor: vec4<f32>,
-    ceiling: vec4<f32>,
+    floor: Floats,
+    ceiling: Floats,
 }
 
-@compute @workgroup_size(4, 16)
-fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) place: vec3<u32>) {
+// Where the sums of the pixels are, in the band, and the size of a layer.
+struct Sites {
+    tile: u32,
+    band: u32,
+    layer: u32,
+}
+
+// The pixels of tile `tile` from `at` on, the first column and the row in it.
+fn pixels_of(tile: vec2<u32>, at: vec2<u32>) -> Pixels {
     let index = tile.y * view.tiles.x + tile.x;
-    let in_tile = place.y * 4u + place.x;
-    var quad: Quad;
-    quad.column = tile.x * TILE + place.x * 4u;
-    quad.row = (view.first_tile_row + tile.y) * TILE + place.y;
-    quad.first = thresholds[depths_of(index) + threshold_place(place.xy)];
+    let depths_at = depths_of(index);
+    let quad = vec2<u32>(at.x / 4u, at.y);
+    let in_tile = quad.y * 4u + quad.x;
+    var pixels: Pixels;
+    pixels.column = tile.x * TILE + at.x;
+    pixels.row = (view.first_tile_row + tile.y) * TILE + at.y;
+    pixels.first = thresholds[place_in(depths_at + threshold_place(quad), at.x)];
     if PEEL {
-        if thresholds[depths_of(index) + state_place()].x == 0.0 { return; }
-        quad.floor = thresholds[depths_of(index) + floor_place() + threshold_place(place.xy)];
-        quad.ceiling = min(quad.first, thresholds[depths_of(index) + ceiling_place() + in_tile]);
+        pixels.floor = thresholds[place_in(depths_at + floor_place() + threshold_place(quad), at.x)];
+        let ceiling = thresholds[place_in(depths_at + ceiling_place() + in_tile, at.x)];
+        pixels.ceiling = min(pixels.first, ceiling);
     }
-    if NEAREST { quad.nearest = thresholds[nearest_of(index) + in_tile]; }
-    if all(quad.first == vec4<f32>(UNWANTED)) { return; }
-    quad.second = vec4<f32>(UNWANTED);
+    if NEAREST { pixels.nearest = thresholds[place_in(nearest_of(index) + in_tile, at.x)]; }
+    pixels.second = Floats(UNWANTED);
     if LAYERS > 1u {
-        quad.second = thresholds[depths_of(index) + second_place() + in_tile];
+        pixels.second = thresholds[place_in(depths_at + second_place() + in_tile, at.x)];
     }
-    quad.open = quad.second > vec4<f32>(UNWANTED);
-    var walk = walk_of(index);
-    if view.resumes != 0u && SAMPLE_COVERAGE == 0u && !has_next(walk) { return; }
-    let tile_at = index * LAYERS * CHANNELS * TILE_QUADS + in_tile;
-    let layer_size = CHANNELS * TILE_QUADS;
-    let band_at = tile_at + select(0u, BAND * layer_size, LAYERS > 1u);
-    var band = Sums();
-    band.turn = view.first_turn;
-    if view.resumes != 0u { load_sums(&band, band_at); }
-    var has_others = false;
-    while has_next(walk) {
-        has_others |= add_to_band(&band, next_slot(&walk), quad);
-    }
-    if SAMPLE_COVERAGE != 0u && band.turn < view.last_turn { turn(&band, view.last_turn); }
-    store_sums(&band, band_at);
-    if !any(quad.open) || (view.resumes != 0u && !has_others) { return; }
-    var front = Sums();
-    var second = Sums();
-    var rest = Sums();
-    if view.resumes != 0u {
-        load_sums(&front, tile_at + FRONT * layer_size);
-        if LAYERS > 2u {
-            load_sums(&second, tile_at + SECOND * layer_size);
-            load_sums(&rest, tile_at + REST * layer_size);
-        }
-    }
-    walk = walk_of(index);
-    while has_others && has_next(walk) {
-        add_to_others(&front, &second, &rest, next_slot(&walk), quad);
-    }
-    store_sums(&front, tile_at + FRONT * layer_size);
-    if LAYERS > 2u {
-        store_sums(&second, tile_at + SECOND * layer_size);
-        store_sums(&rest, tile_at + REST * layer_size);
-    }
+    pixels.open = pixels.second > Floats(UNWANTED);
+    return pixels;
 }
 
-// A kernel on the rays through a quad. Where layers are peeled off it is nothing outside the current one.
-fn see_in_layer(splat: Kernel, quad: Quad) -> Seen {
-    var seen = see(splat, quad.column, quad.row);
+// False where nothing is to be added to tile `index`: what is peeled off it is at its end.
+fn is_live(index: u32) -> bool {
+    return !PEEL || first_of(thresholds[place_in(depths_of(index) + state_place(), 0u)]) != 0.0;
+}
+
+// Where the sums of the pixels of tile `index` are that begin at `at`.
+fn sites_of(index: u32, at: vec2<u32>) -> Sites {
+    let layer = CHANNELS * plane();
+    let tile = index * LAYERS * layer + place_in(at.y * 4u + at.x / 4u, at.x);
+    return Sites(tile, tile + select(0u, BAND * layer, LAYERS > 1u), layer);
+}
+
+// A kernel on the rays through the pixels. Where layers are peeled off it is nothing outside the current one.
+fn see_in_layer(splat: Kernel, pixels: Pixels) -> Seen {
+    var seen = see(splat, pixels.column, pixels.row);
     if PEEL {
-        let in_layer = (seen.depth > quad.floor) & (seen.depth <= quad.ceiling);
-        seen.weight = select(vec4<f32>(0.0), seen.weight, in_layer);
+        let in_layer = (seen.depth > pixels.floor) & (seen.depth <= pixels.ceiling);
+        seen.weight = select(Floats(0.0), seen.weight, in_layer);
         seen.disc = seen.disc & in_layer;
     }
     return seen;
 }
 
-// The pixels of a quad in which a splat is before the band, and in it. Each pixel has it in one layer; behind a solid
+// The pixels in which a splat is before the band, and in it. Each pixel has it in one layer; behind a solid
 // pixel's band, in none.
 struct Place {
-    before: vec4<bool>,
-    in_band: vec4<bool>,
+    before: Bools,
+    in_band: Bools,
 }
 
-fn place_of(seen: Seen, epsilon: f32, quad: Quad) -> Place {
+fn place_of(seen: Seen, epsilon: f32, pixels: Pixels) -> Place {
     let tolerance = tolerance_at(seen.depth, epsilon);
-    let limit = limit_of(tolerance, quad.first, quad.nearest);
-    let before = quad.open & (seen.depth < limit - 2.0 * tolerance) & !seen.disc;
+    let limit = limit_of(tolerance, pixels.first, pixels.nearest);
+    let before = pixels.open & (seen.depth < limit - 2.0 * tolerance) & !seen.disc;
     return Place(before, !before & (seen.depth <= limit));
 }
 
 // Adds a splat to the sums of the band. True if another layer has it, too.
-fn add_to_band(band: ptr<function, Sums>, slot: u32, quad: Quad) -> bool {
-    if !touches(weight_bounds(splats[slot]), quad.column, quad.row) { return false; }
-    let splat = splats[slot];
+fn add_to_band(band: ptr<function, Sums>, slot: u32, splat: Kernel, pixels: Pixels) -> bool {
     let segment_index = disc_of(splat).flags >> 1u;
-    let seen = see_in_layer(splat, quad);
-    let zero = vec4<f32>(0.0);
+    let seen = see_in_layer(splat, pixels);
+    let zero = Floats(0.0);
     if SAMPLE_COVERAGE != 0u {
         let its_turn = segments[segment_index].flags >> 3u;
         if its_turn != (*band).turn { turn(band, its_turn); }
         // A hidden splat covers the pixel, too: what hides it covers it.
-        (*band).sample_coverage += select(seen.weight, vec4<f32>(1.0), seen.disc);
+        (*band).sample_coverage += select(seen.weight, Floats(1.0), seen.disc);
         let tolerance = tolerance_at(seen.depth, segments[segment_index].epsilon);
-        let shows = seen.depth <= limit_of(tolerance, quad.first, quad.nearest);
+        let shows = seen.depth <= limit_of(tolerance, pixels.first, pixels.nearest);
         let weight = select(zero, seen.weight * segments[segment_index].share, shows);
-        if any(weight > zero) { add_values(band, slot, weight, select(zero, seen.depth, weight > zero)); }
+        if any_of(weight > zero) { add_values(band, slot, weight, select(zero, seen.depth, weight > zero)); }
         return false;
     }
-    let place = place_of(seen, segments[segment_index].epsilon, quad);
+    let place = place_of(seen, segments[segment_index].epsilon, pixels);
     add_to_layer(band, slot, splat, seen, place.in_band);
-    return any(quad.open & !place.in_band & (seen.disc | (seen.weight > zero)));
+    return any_of(pixels.open & !place.in_band & (seen.disc | (seen.weight > zero)));
 }
 
 // Adds a splat to the sums of the layers other than the band.
 fn add_to_others(
-    front: ptr<function, Sums>, second: ptr<function, Sums>, rest: ptr<function, Sums>, slot: u32, quad: Quad,
+    front: ptr<function, Sums>, second: ptr<function, Sums>, rest: ptr<function, Sums>, slot: u32, splat: Kernel,
+    pixels: Pixels,
 ) {
-    if !touches(weight_bounds(splats[slot]), quad.column, quad.row) { return; }
-    let splat = splats[slot];
-    let seen = see_in_layer(splat, quad);
-    let place = place_of(seen, segments[disc_of(splat).flags >> 1u].epsilon, quad);
-    let behind = quad.open & !place.before & !place.in_band;
-    let next = behind & (seen.depth <= quad.second);
+    let seen = see_in_layer(splat, pixels);
+    let place = place_of(seen, segments[disc_of(splat).flags >> 1u].epsilon, pixels);
+    let behind = pixels.open & !place.before & !place.in_band;
+    let next = behind & (seen.depth <= pixels.second);
     let last = behind & !next;
     add_to_layer(front, slot, splat, seen, place.before);
     add_to_layer(second, slot, splat, seen, next);
     add_to_layer(rest, slot, splat, seen, last);
-    (*rest).discs += select(vec4<f32>(0.0), vec4<f32>(1.0), last & seen.disc);
+    (*rest).discs += select(Floats(0.0), Floats(1.0), last & seen.disc);
 }
 
 // Adds a splat to the sums of a layer in the pixels of which that layer `takes` it.
-fn add_to_layer(sum: ptr<function, Sums>, slot: u32, splat: Kernel, seen: Seen, takes: vec4<bool>) {
-    let zero = vec4<f32>(0.0);
+fn add_to_layer(sum: ptr<function, Sums>, slot: u32, splat: Kernel, seen: Seen, takes: Bools) {
+    let zero = Floats(0.0);
     let weight = select(zero, seen.weight, takes);
-    if !any(weight > zero) { return; }
+    if !any_of(weight > zero) { return; }
     add_values(sum, slot, weight, select(zero, seen.depth, weight > zero));
     if PEAK != 0u {
         (*sum).peak += weight * peak_of(splat);

@@ -10,7 +10,7 @@ fn see(splat: Kernel, column: u32, row: u32) -> Seen {
     let at = hit(splat, column, row);
     let depth = 1.0 / at.inverse_depth;
     let covered = covers(splat, at, column);
-    let weight = kernel(min(at.scaled_r2 * (depth * depth), vec4<f32>(1.0)));
-    let zero = vec4<f32>(0.0);
+    let weight = kernel(min(at.scaled_r2 * (depth * depth), Floats(1.0)));
+    let zero = Floats(0.0);
     return Seen(select(zero, weight, covered), select(zero, depth, covered), covered);
 }

@@ -25,14 +25,14 @@ fn centre_disc(depth: f32) -> f32 {
     return 0.0;
 }
 
-fn form(c: vec2<f32>, at: Hit) -> vec4<f32> {
+fn form(c: vec2<f32>, at: Hit) -> Floats {
     return c.x * at.x + c.y * at.y;
 }
 
 fn see(splat: Kernel, column: u32, row: u32) -> Seen {
     let at = hit(splat.disc, column, row);
-    let one = vec4<f32>(1.0);
-    let in_view = (at.inverse_depth > vec4<f32>(0.0)) & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth));
+    let one = Floats(1.0);
+    let in_view = (at.inverse_depth > Floats(0.0)) & (at.inverse_depth <= Floats(view.most_inverse_depth));
     let plane_depth = 1.0 / at.inverse_depth;
     let u = form(splat.u, at);
     let v = form(splat.v, at);
@@ -42,7 +42,7 @@ fn see(splat: Kernel, column: u32, row: u32) -> Seen {
     let over = 1.0 / nearer;
     let quarter_variance = 0.25 * view.sigma * view.sigma;
     var r2 = (u * u + v * v) * (over * over) + quarter_variance * (px * px + py * py);
-    var shown = nearer > vec4<f32>(0.0);
+    var shown = nearer > Floats(0.0);
     // One that reaches the camera plane is not filtered.
     if splat.crossing != 0u {
         r2 = at.scaled_r2 * (plane_depth * plane_depth);
@@ -52,8 +52,8 @@ fn see(splat: Kernel, column: u32, row: u32) -> Seen {
     let hits = shown & (r2 <= one) & within;
     let weight = splat.weight * kernel(select(one, r2, r2 < one));
     return Seen(
-        select(vec4<f32>(0.0), weight, hits),
-        select(vec4<f32>(splat.disc.centre_depth), plane_depth, in_view),
+        select(Floats(0.0), weight, hits),
+        select(Floats(splat.disc.centre_depth), plane_depth, in_view),
         at.inside & in_view & within,
     );
 }

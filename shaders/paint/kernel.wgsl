@@ -17,17 +17,17 @@ struct EwaSplat {
     filtered_bounds: vec2<u32>,
 }
 
-// A kernel on the rays through a quad.
+// A kernel on the rays through the pixels of an invocation.
 struct Seen {
-    weight: vec4<f32>,
+    weight: Floats,
     // Depth of its plane; of its centre where the ray misses the plane.
-    depth: vec4<f32>,
+    depth: Floats,
     // True where the disc covers the pixel.
-    disc: vec4<bool>,
+    disc: Bools,
 }
 
-// The pixels of a quad in which a disc is met before the camera.
-fn covers(disc: Splat, at: Hit, column: u32) -> vec4<bool> {
-    let in_view = at.inverse_depth <= vec4<f32>(view.most_inverse_depth);
+// The pixels in which a disc is met before the camera.
+fn covers(disc: Splat, at: Hit, column: u32) -> Bools {
+    let in_view = at.inverse_depth <= Floats(view.most_inverse_depth);
     return at.inside & in_view & in_columns(unpack(disc.bounds), column);
 }

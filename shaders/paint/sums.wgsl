@@ -1,29 +1,34 @@
-// The sums of a quad: how they are loaded, added to and stored. Math: docs/math.md, eq. 6.
+// The sums of an invocation's pixels: how they are loaded, added to and stored. Math: docs/math.md, eq. 6.
 
-// The sums of one quad.
+// Size of a plane of a tile, in `Floats`.
+fn plane() -> u32 {
+    return TILE_PIXELS / width();
+}
+
+// The sums of the pixels.
 struct Sums {
-    weight: vec4<f32>,
-    red: vec4<f32>,
-    green: vec4<f32>,
-    blue: vec4<f32>,
-    normal_x: vec4<f32>,
-    normal_y: vec4<f32>,
-    normal_z: vec4<f32>,
-    depth: vec4<f32>,
-    velocity_x: vec4<f32>,
-    velocity_y: vec4<f32>,
-    ambient: vec4<f32>,
-    diffuse: vec4<f32>,
-    specular: vec4<f32>,
-    shininess: vec4<f32>,
-    reflection: vec4<f32>,
-    opacity: vec4<f32>,
-    sample_coverage: vec4<f32>,
-    coverage: vec4<f32>,
-    static_coverage: vec4<f32>,
-    peak: vec4<f32>,
-    side: vec4<f32>,
-    discs: vec4<f32>,
+    weight: Floats,
+    red: Floats,
+    green: Floats,
+    blue: Floats,
+    normal_x: Floats,
+    normal_y: Floats,
+    normal_z: Floats,
+    depth: Floats,
+    velocity_x: Floats,
+    velocity_y: Floats,
+    ambient: Floats,
+    diffuse: Floats,
+    specular: Floats,
+    shininess: Floats,
+    reflection: Floats,
+    opacity: Floats,
+    sample_coverage: Floats,
+    coverage: Floats,
+    static_coverage: Floats,
+    peak: Floats,
+    side: Floats,
+    discs: Floats,
     // The turn that `sample_coverage` belongs to: 0 for static objects, then one for each sample in order.
     turn: u32,
 }
@@ -37,14 +42,14 @@ fn turn(sum: ptr<function, Sums>, next: u32) {
         at = 1u;
     }
     for (; at < next; at += 1u) {
-        (*sum).coverage += segments[at - 1u].weight * min((*sum).sample_coverage, vec4<f32>(1.0));
+        (*sum).coverage += segments[at - 1u].weight * min((*sum).sample_coverage, Floats(1.0));
         (*sum).sample_coverage = (*sum).static_coverage;
     }
     (*sum).turn = next;
 }
 
 // Adds the values of a slot. `depth` must be finite where the weight is 0.
-fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec4<f32>) {
+fn add_values(sum: ptr<function, Sums>, slot: u32, weight: Floats, depth: Floats) {
     var next = slot * VALUES;
     (*sum).weight += weight;
     (*sum).red += weight * values[next];
@@ -81,74 +86,74 @@ fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec
 
 fn load_sums(sum: ptr<function, Sums>, at: u32) {
     (*sum).weight = sums[at];
-    (*sum).red = sums[at + TILE_QUADS];
-    (*sum).green = sums[at + 2u * TILE_QUADS];
-    (*sum).blue = sums[at + 3u * TILE_QUADS];
+    (*sum).red = sums[at + plane()];
+    (*sum).green = sums[at + 2u * plane()];
+    (*sum).blue = sums[at + 3u * plane()];
     if NORMAL != 0u {
-        (*sum).normal_x = sums[at + NORMAL * TILE_QUADS];
-        (*sum).normal_y = sums[at + (NORMAL + 1u) * TILE_QUADS];
-        (*sum).normal_z = sums[at + (NORMAL + 2u) * TILE_QUADS];
+        (*sum).normal_x = sums[at + NORMAL * plane()];
+        (*sum).normal_y = sums[at + (NORMAL + 1u) * plane()];
+        (*sum).normal_z = sums[at + (NORMAL + 2u) * plane()];
     }
     if DEPTH != 0u {
-        (*sum).depth = sums[at + DEPTH * TILE_QUADS];
+        (*sum).depth = sums[at + DEPTH * plane()];
     }
     if VELOCITY != 0u {
-        (*sum).velocity_x = sums[at + VELOCITY * TILE_QUADS];
-        (*sum).velocity_y = sums[at + (VELOCITY + 1u) * TILE_QUADS];
+        (*sum).velocity_x = sums[at + VELOCITY * plane()];
+        (*sum).velocity_y = sums[at + (VELOCITY + 1u) * plane()];
     }
     if MATERIAL != 0u {
-        (*sum).ambient = sums[at + MATERIAL * TILE_QUADS];
-        (*sum).diffuse = sums[at + (MATERIAL + 1u) * TILE_QUADS];
-        (*sum).specular = sums[at + (MATERIAL + 2u) * TILE_QUADS];
-        (*sum).shininess = sums[at + (MATERIAL + 3u) * TILE_QUADS];
+        (*sum).ambient = sums[at + MATERIAL * plane()];
+        (*sum).diffuse = sums[at + (MATERIAL + 1u) * plane()];
+        (*sum).specular = sums[at + (MATERIAL + 2u) * plane()];
+        (*sum).shininess = sums[at + (MATERIAL + 3u) * plane()];
     }
-    if REFLECTION != 0u { (*sum).reflection = sums[at + REFLECTION * TILE_QUADS]; }
-    if OPACITY != 0u { (*sum).opacity = sums[at + OPACITY * TILE_QUADS]; }
+    if REFLECTION != 0u { (*sum).reflection = sums[at + REFLECTION * plane()]; }
+    if OPACITY != 0u { (*sum).opacity = sums[at + OPACITY * plane()]; }
     if SAMPLE_COVERAGE != 0u {
-        (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * TILE_QUADS];
-        (*sum).coverage = sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS];
-        (*sum).static_coverage = sums[at + (SAMPLE_COVERAGE + 2u) * TILE_QUADS];
+        (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * plane()];
+        (*sum).coverage = sums[at + (SAMPLE_COVERAGE + 1u) * plane()];
+        (*sum).static_coverage = sums[at + (SAMPLE_COVERAGE + 2u) * plane()];
     }
     if PEAK != 0u {
-        (*sum).peak = sums[at + PEAK * TILE_QUADS];
-        (*sum).side = sums[at + (PEAK + 1u) * TILE_QUADS];
-        (*sum).discs = sums[at + (PEAK + 2u) * TILE_QUADS];
+        (*sum).peak = sums[at + PEAK * plane()];
+        (*sum).side = sums[at + (PEAK + 1u) * plane()];
+        (*sum).discs = sums[at + (PEAK + 2u) * plane()];
     }
 }
 
 fn store_sums(sum: ptr<function, Sums>, at: u32) {
     sums[at] = (*sum).weight;
-    sums[at + TILE_QUADS] = (*sum).red;
-    sums[at + 2u * TILE_QUADS] = (*sum).green;
-    sums[at + 3u * TILE_QUADS] = (*sum).blue;
+    sums[at + plane()] = (*sum).red;
+    sums[at + 2u * plane()] = (*sum).green;
+    sums[at + 3u * plane()] = (*sum).blue;
     if NORMAL != 0u {
-        sums[at + NORMAL * TILE_QUADS] = (*sum).normal_x;
-        sums[at + (NORMAL + 1u) * TILE_QUADS] = (*sum).normal_y;
-        sums[at + (NORMAL + 2u) * TILE_QUADS] = (*sum).normal_z;
+        sums[at + NORMAL * plane()] = (*sum).normal_x;
+        sums[at + (NORMAL + 1u) * plane()] = (*sum).normal_y;
+        sums[at + (NORMAL + 2u) * plane()] = (*sum).normal_z;
     }
     if DEPTH != 0u {
-        sums[at + DEPTH * TILE_QUADS] = (*sum).depth;
+        sums[at + DEPTH * plane()] = (*sum).depth;
     }
     if VELOCITY != 0u {
-        sums[at + VELOCITY * TILE_QUADS] = (*sum).velocity_x;
-        sums[at + (VELOCITY + 1u) * TILE_QUADS] = (*sum).velocity_y;
+        sums[at + VELOCITY * plane()] = (*sum).velocity_x;
+        sums[at + (VELOCITY + 1u) * plane()] = (*sum).velocity_y;
     }
     if MATERIAL != 0u {
-        sums[at + MATERIAL * TILE_QUADS] = (*sum).ambient;
-        sums[at + (MATERIAL + 1u) * TILE_QUADS] = (*sum).diffuse;
-        sums[at + (MATERIAL + 2u) * TILE_QUADS] = (*sum).specular;
-        sums[at + (MATERIAL + 3u) * TILE_QUADS] = (*sum).shininess;
+        sums[at + MATERIAL * plane()] = (*sum).ambient;
+        sums[at + (MATERIAL + 1u) * plane()] = (*sum).diffuse;
+        sums[at + (MATERIAL + 2u) * plane()] = (*sum).specular;
+        sums[at + (MATERIAL + 3u) * plane()] = (*sum).shininess;
     }
-    if REFLECTION != 0u { sums[at + REFLECTION * TILE_QUADS] = (*sum).reflection; }
-    if OPACITY != 0u { sums[at + OPACITY * TILE_QUADS] = (*sum).opacity; }
+    if REFLECTION != 0u { sums[at + REFLECTION * plane()] = (*sum).reflection; }
+    if OPACITY != 0u { sums[at + OPACITY * plane()] = (*sum).opacity; }
     if SAMPLE_COVERAGE != 0u {
-        sums[at + SAMPLE_COVERAGE * TILE_QUADS] = (*sum).sample_coverage;
-        sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS] = (*sum).coverage;
-        sums[at + (SAMPLE_COVERAGE + 2u) * TILE_QUADS] = (*sum).static_coverage;
+        sums[at + SAMPLE_COVERAGE * plane()] = (*sum).sample_coverage;
+        sums[at + (SAMPLE_COVERAGE + 1u) * plane()] = (*sum).coverage;
+        sums[at + (SAMPLE_COVERAGE + 2u) * plane()] = (*sum).static_coverage;
     }
     if PEAK != 0u {
-        sums[at + PEAK * TILE_QUADS] = (*sum).peak;
-        sums[at + (PEAK + 1u) * TILE_QUADS] = (*sum).side;
-        sums[at + (PEAK + 2u) * TILE_QUADS] = (*sum).discs;
+        sums[at + PEAK * plane()] = (*sum).peak;
+        sums[at + (PEAK + 1u) * plane()] = (*sum).side;
+        sums[at + (PEAK + 2u) * plane()] = (*sum).discs;
     }
 }

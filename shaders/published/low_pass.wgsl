@@ -10,17 +10,17 @@ fn centre_disc(depth: f32) -> f32 {
 fn see(splat: Kernel, column: u32, row: u32) -> Seen {
     let at = hit(splat, column, row);
     let plane_depth = 1.0 / at.inverse_depth;
-    let inside = at.inside & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth));
-    let none = vec4<f32>(NONE);
+    let inside = at.inside & (at.inverse_depth <= Floats(view.most_inverse_depth));
+    let none = Floats(NONE);
     let r3d = select(none, at.scaled_r2 * (plane_depth * plane_depth), inside);
     let r2d = select(none, (at.x * at.x + at.y * at.y) * view.low_pass_scale, splat.centre_depth > 0.0);
     let r2 = min(r2d, r3d);
     let within = in_columns(unpack(splat.bounds), column);
-    let hits = (inside | (r2 <= vec4<f32>(1.0))) & within;
-    let weight = kernel(min(r2, vec4<f32>(1.0)));
+    let hits = (inside | (r2 <= Floats(1.0))) & within;
+    let weight = kernel(min(r2, Floats(1.0)));
     return Seen(
-        select(vec4<f32>(0.0), weight, hits),
-        select(vec4<f32>(splat.centre_depth), plane_depth, inside),
+        select(Floats(0.0), weight, hits),
+        select(Floats(splat.centre_depth), plane_depth, inside),
         inside & within,
     );
 }

@@ -305,9 +305,9 @@ mod gpu {
             let worst = differences.iter().copied().fold(0.0, f32::max);
             let beyond = differences.iter().filter(|&&difference| difference > 1e-5).count();
             println!("{mode}, {shading:?}: {splats} and {of_gpu} splats, {worst:.1e}, {beyond} beyond rounding");
-            // An H100 had one velocity off by 4.8e-5, with kernels normalised once. On the software device nothing is
-            // beyond 1e-5.
-            assert!(worst < 1e-4 && beyond * 10_000 < differences.len(), "{mode}, {shading:?}: {worst}, {beyond}");
+            // An NVIDIA H100 had one velocity off by 4.8e-5, with kernels normalised once; an H200 35 values by up to
+            // 6.7e-5, with coverages that are summed. On the software device nothing is beyond 1e-5.
+            assert!(worst < 1e-4 && beyond * 1000 < differences.len(), "{mode}, {shading:?}: {worst}, {beyond}");
         }
     }
 }

@@ -437,7 +437,7 @@ impl Binder<'_> {
                 project: self.of_surfels(Program::Project(KernelKind::Disc), &none, &prepared.surfel_buffers)?,
                 emit: self.program(Program::BinEmit, &none, emitted, &[])?,
             },
-            visibility: self.program(Program::Visibility(KernelKind::Disc), &none, 1, &[])?,
+            visibility: self.program(Program::Visibility(KernelKind::Disc, self.device.lanes), &none, 1, &[])?,
             store: self.program(Program::StoreMap, &none, 0, &[])?,
         })
     }

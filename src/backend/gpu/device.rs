@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, Instance, InstanceDescriptor, Limits};
 
+use super::lanes::Lanes;
 use crate::backend::BackendError;
 
 /// Which adapters are wanted.
@@ -48,6 +49,8 @@ pub(in crate::backend) struct Device {
     pub adapter: AdapterInfo,
     pub limits: Limits,
     pub timestamps: bool,
+    /// What invocations of some passes work on.
+    pub lanes: Lanes,
     pub handle: wgpu::Device,
     pub queue: wgpu::Queue,
     /// The first error that no scope caught.
@@ -155,7 +158,8 @@ impl Device {
         handle.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             seen.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| error.to_string());
         }));
-        Ok(Self { adapter: info, limits, timestamps: !timestamps.is_empty(), handle, queue, failure })
+        let lanes = if info.device_type == DeviceType::Cpu { Lanes::Quads } else { Lanes::Pixels };
+        Ok(Self { adapter: info, limits, timestamps: !timestamps.is_empty(), lanes, handle, queue, failure })
     }
 
     /// An error of this device.

@@ -344,7 +344,9 @@ impl Schedule {
         let models = frame.objects.iter().filter_map(|object| object.shape.surfels());
         let surfels: u64 = models.map(|model| model.surfels().len() as u64).sum();
         let bound = most_bytes / splat_bytes.max(4 * values);
-        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);
+        // Slots leave room for the entries of the least batch, which those of Gaussians count on.
+        let fit = (left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES))
+            .min(left.saturating_sub(LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / slot_bytes);
         let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
         let most_entries = ((left.saturating_sub(slots * slot_bytes)) / ENTRY_BYTES)
             .max(LEAST_SLOTS * u64::from(WIDEST))

@@ -13,6 +13,7 @@ mod device;
 pub(super) mod film;
 mod flight;
 pub(super) mod job;
+pub(super) mod lanes;
 pub(super) mod layout;
 pub(super) mod memory;
 pub(super) mod models;

@@ -37,8 +37,10 @@ impl Binder<'_> {
         values.push(parts);
         let mut sums = sum_constants(channels);
         sums.extend(&of_depths);
-        let second =
-            channels.is_layered().then(|| self.program(Program::Second, &of_depths, 1, &depths)).transpose()?;
+        let second = channels
+            .is_layered()
+            .then(|| self.program(Program::Second(self.device.lanes), &of_depths, 1, &depths))
+            .transpose()?;
         Ok(PaintPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::Project(kernel), &of_depths, surfel_buffers)?,
@@ -46,10 +48,10 @@ impl Binder<'_> {
             },
             // The sorted lists are in the first buffers.
             find_rest: self.program(Program::FindRest, &Constants::new(), 1, &[])?,
-            visibility: self.program(Program::Visibility(kernel), &of_depths, 1, &depths)?,
+            visibility: self.program(Program::Visibility(kernel, self.device.lanes), &of_depths, 1, &depths)?,
             second,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(Program::Attribute(kernel), &sums, 1, &depths)?,
+            attribute: self.program(Program::Attribute(kernel, self.device.lanes), &sums, 1, &depths)?,
         })
     }
 }

@@ -6,7 +6,7 @@ use super::buffers::grow;
 use super::layout::{DeviceGaussian, TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
 use super::models::ModelBuffer;
-use super::{DeviceState, Gpu, SOFTWARE_SLOTS};
+use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
@@ -39,13 +39,9 @@ impl Gpu {
         let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
         // Full EWA walks over a list twice, once for the band and once for the other layers.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
-        let slots = match (software, frame.slices() > 0) {
-            (true, true) => SOFTWARE_SLOTS / 2,
-            (true, false) if layers > 1 => SOFTWARE_SLOTS / 2,
-            (true, false) => SOFTWARE_SLOTS,
-            (false, _) => u64::MAX,
-        };
-        let limits = Limits { bytes: self.most_bytes, slots: self.most_slots.min(slots) };
+        let walks_twice = software && (frame.slices() > 0 || layers > 1);
+        let slots = if walks_twice { (self.most_slots / 2).max(1) } else { self.most_slots };
+        let limits = Limits { bytes: self.most_bytes, slots };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use wgpu::{BindGroupLayout, BindingType, BufferBindingType, ShaderStages};
 
 use super::device::Device;
+use super::lanes::Lanes;
 use crate::backend::BackendError;
 use crate::options::Prefilter;
 
@@ -71,10 +72,10 @@ pub(in crate::backend) enum Program {
     SortScatter,
     BinStarts,
     FindRest,
-    Visibility(KernelKind),
-    Second,
+    Visibility(KernelKind, Lanes),
+    Second(Lanes),
     SplatValues,
-    Attribute(KernelKind),
+    Attribute(KernelKind, Lanes),
     Resolve,
     Sweep,
     SweptVisibility,
@@ -101,6 +102,8 @@ macro_rules! wgsl {
     ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
 }
 
+const QUAD: &str = wgsl!("common/quad.wgsl");
+const PIXEL: &str = wgsl!("common/pixel.wgsl");
 const DISC: &str = wgsl!("paint/unfiltered.wgsl", "paint/disc.wgsl");
 const LOW_PASS: &str = wgsl!("paint/unfiltered.wgsl", "published/low_pass.wgsl");
 const FILTERED: &str = wgsl!("paint/filtered.wgsl");
@@ -129,6 +132,12 @@ const VISIBILITY: &str = wgsl!(
     "paint/kernel.wgsl",
     "paint/visibility.wgsl",
 );
+const VISIBILITY_BY_QUADS: &str = wgsl!("paint/visibility_quads.wgsl");
+const VISIBILITY_BY_PIXELS: &str =
+    wgsl!("common/at_once.wgsl", "paint/discs_at_once.wgsl", "paint/visibility_pixels.wgsl");
+const SECOND_BY_QUADS: &str = wgsl!("paint/second.wgsl", "paint/second_quads.wgsl");
+const SECOND_BY_PIXELS: &str =
+    wgsl!("common/at_once.wgsl", "paint/discs_at_once.wgsl", "paint/second.wgsl", "paint/second_pixels.wgsl");
 const VALUES: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
@@ -149,6 +158,8 @@ const ATTRIBUTE: &str = wgsl!(
     "paint/sums.wgsl",
     "paint/attribute.wgsl",
 );
+const ATTRIBUTE_BY_QUADS: &str = wgsl!("paint/attribute_quads.wgsl");
+const ATTRIBUTE_BY_PIXELS: &str = wgsl!("common/at_once.wgsl", "paint/attribute_pixels.wgsl");
 const RESOLVE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
@@ -314,7 +325,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 38] = [
+    pub(in crate::backend) const ALL: [Self; 45] = [
         Self::Project(KernelKind::Disc),
         Self::Project(KernelKind::LowPass),
         Self::Project(KernelKind::Filtered),
@@ -326,14 +337,21 @@ impl Program {
         Self::SortScatter,
         Self::BinStarts,
         Self::FindRest,
-        Self::Visibility(KernelKind::Disc),
-        Self::Visibility(KernelKind::LowPass),
-        Self::Visibility(KernelKind::Filtered),
-        Self::Second,
+        Self::Visibility(KernelKind::Disc, Lanes::Quads),
+        Self::Visibility(KernelKind::Disc, Lanes::Pixels),
+        Self::Visibility(KernelKind::LowPass, Lanes::Quads),
+        Self::Visibility(KernelKind::LowPass, Lanes::Pixels),
+        Self::Visibility(KernelKind::Filtered, Lanes::Quads),
+        Self::Visibility(KernelKind::Filtered, Lanes::Pixels),
+        Self::Second(Lanes::Quads),
+        Self::Second(Lanes::Pixels),
         Self::SplatValues,
-        Self::Attribute(KernelKind::Disc),
-        Self::Attribute(KernelKind::LowPass),
-        Self::Attribute(KernelKind::Filtered),
+        Self::Attribute(KernelKind::Disc, Lanes::Quads),
+        Self::Attribute(KernelKind::Disc, Lanes::Pixels),
+        Self::Attribute(KernelKind::LowPass, Lanes::Quads),
+        Self::Attribute(KernelKind::LowPass, Lanes::Pixels),
+        Self::Attribute(KernelKind::Filtered, Lanes::Quads),
+        Self::Attribute(KernelKind::Filtered, Lanes::Pixels),
         Self::Resolve,
         Self::Sweep,
         Self::StoreMap,
@@ -355,14 +373,29 @@ impl Program {
         Self::PeelLeftOut,
     ];
 
-    /// The text of a program; that of its kernel comes first.
+    /// The text of a program. What an invocation works on comes first, then its kernel; what is last differs by lanes.
     pub(in crate::backend) fn wgsl(self) -> String {
         let kernel = match self {
-            Self::Project(kernel) | Self::Visibility(kernel) | Self::Attribute(kernel) => kernel.wgsl(),
-            Self::Second => KernelKind::Filtered.wgsl(),
+            Self::Project(kernel) | Self::Visibility(kernel, _) | Self::Attribute(kernel, _) => kernel.wgsl(),
+            Self::Second(_) => KernelKind::Filtered.wgsl(),
             _ => "",
         };
-        [kernel, self.own_wgsl()].concat()
+        let lanes = match self {
+            Self::Visibility(_, Lanes::Pixels) | Self::Second(Lanes::Pixels) | Self::Attribute(_, Lanes::Pixels) => {
+                PIXEL
+            }
+            _ => QUAD,
+        };
+        let last = match self {
+            Self::Visibility(_, Lanes::Quads) => VISIBILITY_BY_QUADS,
+            Self::Visibility(_, Lanes::Pixels) => VISIBILITY_BY_PIXELS,
+            Self::Attribute(_, Lanes::Quads) => ATTRIBUTE_BY_QUADS,
+            Self::Attribute(_, Lanes::Pixels) => ATTRIBUTE_BY_PIXELS,
+            Self::Second(Lanes::Quads) => SECOND_BY_QUADS,
+            Self::Second(Lanes::Pixels) => SECOND_BY_PIXELS,
+            _ => "",
+        };
+        [lanes, kernel, self.own_wgsl(), last].concat()
     }
 
     const fn own_wgsl(self) -> &'static str {
@@ -376,9 +409,9 @@ impl Program {
             | Self::SortScan
             | Self::SortScatter => BIN,
             Self::FindRest => REST,
-            Self::Visibility(_) | Self::Second => VISIBILITY,
+            Self::Visibility(..) | Self::Second(_) => VISIBILITY,
             Self::SplatValues => VALUES,
-            Self::Attribute(_) => ATTRIBUTE,
+            Self::Attribute(..) => ATTRIBUTE,
             Self::Resolve => RESOLVE,
             Self::Sweep => SWEEP,
             Self::StoreMap => MAP,
@@ -407,10 +440,10 @@ impl Program {
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
             Self::FindRest => "find_rest",
-            Self::Visibility(_) => "visibility",
-            Self::Second => "second",
+            Self::Visibility(..) => "visibility",
+            Self::Second(_) => "second",
             Self::SplatValues => "splat_values",
-            Self::Attribute(_) => "sum_attributes",
+            Self::Attribute(..) => "sum_attributes",
             Self::Resolve => "resolve",
             Self::Sweep => "sweep",
             Self::StoreMap => "store_map",
@@ -447,11 +480,11 @@ impl Program {
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
             Self::FindRest => (&[List, Wide, Starts], &[Rest]),
-            Self::Visibility(_) | Self::Second => {
+            Self::Visibility(..) | Self::Second(_) => {
                 (&[Segments, Splats, List, Wide, Starts, Wanted, Rest], &[Thresholds])
             }
             Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[Values]),
-            Self::Attribute(_) => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
+            Self::Attribute(..) => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
             Self::Resolve => (&[Lights, Thresholds, Sums, Environment, Rest], &[Film, RestFilm]),
             Self::StoreMap => (&[Thresholds], &[Map]),
             Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),

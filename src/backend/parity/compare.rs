@@ -5,11 +5,12 @@ use super::harness::NONE;
 /// Largest difference of floats, relative to the larger of 1 and the values that are added or multiplied (and for a
 /// splat's forms its `skew`). On the software device it is 0, measured: that device neither contracts nor approximates.
 /// One unit in the last place more in each of the sums that may cancel makes 1.9e-6
-/// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units.
-const TOLERANCE: f32 = 5e-6;
+/// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units. An NVIDIA H200 had 44 of
+/// 38,400 sums of published kernels beyond 5e-6, at 6.7e-6.
+const TOLERANCE: f32 = 1e-5;
 /// Share of slots or pixels that may differ more: those for which a rounded value decides (a bound next to a pixel's
-/// centre, a pixel next to a rim). On the software device there are none.
-const BUDGET: f64 = 1e-3;
+/// centre, a pixel next to a rim). On the software device there are none; an NVIDIA H200 had 4 of 3,840 loose weights.
+const BUDGET: f64 = 2e-3;
 
 /// What two backends have of one slot.
 #[derive(Default)]

@@ -14,6 +14,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::cpu::paint::PaintGroup;
 use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::gpu::Gpu;
+use crate::backend::gpu::lanes::Lanes;
 use crate::backend::gpu::layout::{Segment, TILE};
 use crate::frame::Frame;
 use crate::layout::{EwaSplat, Splat};
@@ -240,19 +241,22 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]
 #[test]
 fn ewa_passes_agree() {
     let Some(mut gpu) = gpu_or_skip("ewa_passes_agree") else { return };
-    let mut counts = [0; 7];
-    for case in all() {
-        eprintln!("{}:", case.name);
-        check(&mut gpu, &case, None, &mut counts).unwrap_or_else(|what| panic!("{what}"));
+    for lanes in Lanes::ALL {
+        gpu.state.device.lanes = lanes;
+        let mut counts = [0; 7];
+        for case in all() {
+            eprintln!("{}, by {lanes:?}:", case.name);
+            check(&mut gpu, &case, None, &mut counts).unwrap_or_else(|what| panic!("by {lanes:?}: {what}"));
+        }
+        // An apron that takes more than one quad, and the tile more than one round.
+        for case in all().iter().filter(|case| ["supersample", "in part"].contains(&case.name)) {
+            eprintln!("{}, by {lanes:?}, wide filter:", case.name);
+            check(&mut gpu, case, Some(3.3), &mut counts).unwrap_or_else(|what| panic!("by {lanes:?}: {what}"));
+        }
+        // The comparison is worth something only where there is something to compare.
+        eprintln!("open, solid, front, band, second, rest, open and not near a rim: {counts:?}");
+        assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
     }
-    // An apron that takes more than one quad, and the tile more than one round.
-    for case in all().iter().filter(|case| ["supersample", "in part"].contains(&case.name)) {
-        eprintln!("{}, wide filter:", case.name);
-        check(&mut gpu, case, Some(3.3), &mut counts).unwrap_or_else(|what| panic!("{what}"));
-    }
-    // The comparison is worth something only where there is something to compare.
-    eprintln!("open, solid, front, band, second, rest, open and not near a rim: {counts:?}");
-    assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
 static MUTANTS: [Mutant; 48] = [
@@ -275,14 +279,14 @@ static MUTANTS: [Mutant; 48] = [
     ([("let factor = geometry[columns", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
     // Pass `visibility`.
-    ([("i / row_quads() - apron())", "i / row_quads())")], "supersample"),
+    ([("4u * apron_quads(), apron());", "4u * apron_quads(), 0u);")], "supersample"),
     ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
     ([("select(depths.epsilon, met.tolerance, lower)", "met.tolerance")], "supersample"),
     ([("before += INVOCATIONS", "before += 2u * INVOCATIONS")], "wide"),
-    ([("next += AT_ONCE", "next += 2u * AT_ONCE")], "supersample"),
-    ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
+    ([("next += READ", "next += 2u * READ")], "supersample"),
+    ([("thresholds[depths_at + i] = Floats(UNWANTED)", "thresholds[depths_at + i] = Floats(NONE)")], "in part"),
     // Pass `second`.
-    ([("threshold[k] >= NONE", "threshold[k] < NONE")], "supersample"),
+    ([("threshold >= NONE", "threshold < NONE")], "supersample"),
     ([("select(inverse, OUTSIDE, outside)", "inverse")], "hard"),
     ([("inverse_depths[y * EDGE + x] == 0.0", "inverse_depths[y * EDGE + x] == 7.0")], "supersample"),
     ([("4.0 * epsilon * (middle * middle)", "0.4 * epsilon * (middle * middle)")], "supersample"),
@@ -294,20 +298,17 @@ static MUTANTS: [Mutant; 48] = [
     ([("splat.p[1], splat.p[2]", "splat.p[0], splat.p[2]")], "supersample"),
     ([("limit - 2.0 * tolerance", "limit - tolerance")], "supersample"),
     ([("min(first, nearest + tolerance)", "first")], "tolerances"),
-    (
-        [("min(nearest, select(vec4<f32>(NONE), met.depth", "min(nearest, select(nearest, met.depth + 0.1")],
-        "tolerances",
-    ),
+    ([("min(nearest, select(Floats(NONE), met.depth", "min(nearest, select(nearest, met.depth + 0.1")], "tolerances"),
     ([("depth_quads() + index * TILE_QUADS", "depth_quads()")], "tolerances"),
     ([("limit_of(met.tolerance, first, nearest)", "first")], "tolerances"),
-    ([("next = behind & (seen.depth <= quad.second)", "next = behind")], "supersample"),
+    ([("next = behind & (seen.depth <= pixels.second)", "next = behind")], "supersample"),
     ([("weight * peak_of(splat)", "weight")], "supersample"),
     (
         [("add_to_layer(front, slot, splat, seen, place.before)", "add_to_layer(front, slot, splat, seen, next)")],
         "supersample",
     ),
     ([("last & seen.disc)", "seen.disc)")], "supersample"),
-    ([("seen.weight, vec4<f32>(1.0), seen.disc", "seen.weight, vec4<f32>(2.0), seen.disc")], "bucket"),
+    ([("seen.weight, Floats(1.0), seen.disc", "seen.weight, Floats(2.0), seen.disc")], "bucket"),
     // Pass `resolve`.
     ([("0.5 * (weight + abs(", "0.5 * (weight + (")], "supersample"),
     ([("min(coverage, left)", "coverage * left")], "supersample"),
@@ -315,9 +316,20 @@ static MUTANTS: [Mutant; 48] = [
     ([("if solid || layer == closing", "if solid")], "fine"),
     ([("> 0.0 { closing = layer; }", "> 0.0 { closing = 0u; }")], "supersample"),
     ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
-    ([("rim[i] = select(0.0, 1.0, uncovered)", "rim[i] = 0.0")], "supersample"),
+    ([("vec2<f32>(select(0.0, 1.0, uncovered), ", "vec2<f32>(0.0, ")], "supersample"),
     ([("covered = second < NONE", "covered = true")], "supersample"),
     ([("Share(share, weight, layer == BAND)", "Share(share, weight, true)")], "supersample"),
+];
+
+/// What the programs that work by pixels have for themselves.
+static BY_PIXELS: [Mutant; 7] = [
+    ([("panels_before);", "0u);")], "wide"),
+    ([("done += PANELS", "done += 2u * PANELS")], "supersample"),
+    ([("lane / PANEL_LANES;", "lane / PANEL_LANES + 1u;")], "supersample"),
+    ([("4u * depths_of(index) + i] = UNWANTED", "4u * depths_of(index) + i] = NONE")], "in part"),
+    ([("invert(place * TILE, i / 4u, i % 4u", "invert(place * TILE, i / 4u, 0u")], "supersample"),
+    ([("any_lane(lane, is_open)", "is_open && false")], "supersample"),
+    ([("return 4u * quad + column % 4u", "return 4u * quad + column % 2u")], "supersample"),
 ];
 
 #[test]
@@ -325,11 +337,15 @@ static MUTANTS: [Mutant; 48] = [
 fn broken_ewa_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_ewa_programs_are_noticed") else { return };
     let cases = all();
-    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| {
+    let notices = |gpu: &mut Gpu, name: &'static str| {
         let sigma = (name == "wide").then_some(3.3);
         let case = named(&cases, if sigma.is_some() { "supersample" } else { name });
         check(gpu, case, sigma, &mut [0; 7])
-    });
+    };
+    gpu.state.device.lanes = Lanes::Quads;
+    all_are_noticed(&mut gpu, &MUTANTS, notices);
+    gpu.state.device.lanes = Lanes::Pixels;
+    all_are_noticed(&mut gpu, &BY_PIXELS, notices);
 }
 
 /// Whole images against the CPU's, and against those of buffers that are too small. On the software device pixels equal

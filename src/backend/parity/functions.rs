@@ -6,6 +6,7 @@ use super::gpu_or_skip;
 use super::harness::read;
 
 const PROGRAM: &str = concat!(
+    include_str!("../../../shaders/common/quad.wgsl"),
     include_str!("../../../shaders/common/fast.wgsl"),
     r"
 @group(0) @binding(0) var<storage, read_write> numbers: array<vec4<f32>>;

@@ -7,6 +7,7 @@ use super::cases::{self, Case};
 use super::gpu_or_skip;
 use super::splats;
 use crate::backend::gpu::Gpu;
+use crate::backend::gpu::lanes::Lanes;
 use crate::backend::gpu::programs::Program;
 
 /// Text of a program, what replaces it, and a case that must notice.
@@ -33,6 +34,7 @@ pub(super) fn all_are_noticed(
             Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
         }
     }
+    gpu.state.pipelines = intact;
     assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
 }
 
@@ -52,16 +54,16 @@ static MUTANTS: [Mutant; 53] = [
     ([("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> 1u)")], "hard"),
     ([("at.y += 1u", "at.y += 0u")], "hard"),
     ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
-    ([("max(vec4<f32>(epsilon)", "min(vec4<f32>(epsilon)")], "supersample"),
-    ([("next += AT_ONCE", "next += 2u * AT_ONCE")], "supersample"),
-    ([("min(AT_ONCE, end - next)", "min(AT_ONCE, end - next - 1u)")], "supersample"),
+    ([("max(Floats(epsilon)", "min(Floats(epsilon)")], "supersample"),
+    ([("next += READ", "next += 2u * READ")], "supersample"),
+    ([("min(READ, end - next)", "min(READ, end - next - 1u)")], "supersample"),
     ([("before = i / RUN * RUN", "before = i / RUN * RUN + 1u")], "supersample"),
     ([("place += entries", "place += 0u * entries")], "supersample"),
-    ([("column + 3u >= bounds.x", "column >= bounds.x")], "supersample"),
+    ([("column + (width() - 1u) >= bounds.x", "column >= bounds.x")], "supersample"),
     ([("(seen.depth <= limit)", "(seen.depth <= limit + 1.0)")], "supersample"),
     ([("min(first, nearest + tolerance)", "first")], "tolerances"),
     ([("min(first, nearest + tolerance)", "min(first, nearest + 2.0 * tolerance)")], "tolerances, bucket"),
-    ([("thresholds[nearest_at] = depths.nearest", "thresholds[nearest_at] = depths.threshold")], "tolerances"),
+    ([("thresholds[site.nearest] = depths.nearest", "thresholds[site.nearest] = depths.threshold")], "tolerances"),
     ([("0.0005294794", "0.0005394794")], "supersample"),
     ([("seen.weight * segments[segment_index].share", "seen.weight")], "bucket"),
     ([("normal = -normal", "normal = normal")], "supersample"),
@@ -69,7 +71,7 @@ static MUTANTS: [Mutant; 53] = [
     ([("2.0 * nl * nv - lv", "2.0 * nl * nv + lv")], "supersample"),
     ([("2.0 * (length - 0.72)", "1.5 * (length - 0.72)")], "supersample"),
     ([("first < NONE), weight", "first <= NONE), weight")], "supersample"),
-    ([("* min((*sum).sample_coverage, vec4<f32>(1.0))", "* (*sum).sample_coverage")], "bucket"),
+    ([("* min((*sum).sample_coverage, Floats(1.0))", "* (*sum).sample_coverage")], "bucket"),
     ([("Share(sums[sum_at + (SAMPLE_COVERAGE + 1u)", "Share(sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),
     (
         [("(*sum).static_coverage = (*sum).sample_coverage", "(*sum).static_coverage = 0.0 * (*sum).sample_coverage")],
@@ -80,7 +82,7 @@ static MUTANTS: [Mutant; 53] = [
         "bucket",
     ),
     ([("min(r2d, r3d)", "r3d")], "supersample"),
-    ([("at.scaled_r2 * (depth * depth), vec4", "at.scaled_r2 * depth, vec4")], "plain"),
+    ([("at.scaled_r2 * (depth * depth), Floats", "at.scaled_r2 * depth, Floats")], "plain"),
     // What surfaces mirror.
     ([("twice * n - eye", "twice * n + eye")], "supersample"),
     ([("0.5 * (view.pixel * view.pixel)", "0.05 * (view.pixel * view.pixel)")], "supersample"),
@@ -92,7 +94,7 @@ static MUTANTS: [Mutant; 53] = [
     ([("has_sums && sums[at] > 0.0", "has_sums")], "supersample"),
     ([("var reflection = view.environment.w", "var reflection = 0.0")], "plain"),
     ([("pixel * pixel) * segment.normal[1].w", "pixel * pixel)")], "gouraud"),
-    ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
+    ([("thresholds[depths_at + i] = Floats(UNWANTED)", "thresholds[depths_at + i] = Floats(NONE)")], "in part"),
     ([("!is_wide && is_wanted(vec2<u32>(x, y))", "!is_wide")], "in part"),
     ([("if is_wide && is_wanted_block", "if !is_wide && is_wanted_block")], "in part, hard"),
     // Strips that are read out.
@@ -105,12 +107,27 @@ static MUTANTS: [Mutant; 53] = [
     ([("reference += lands.shift", "reference -= lands.shift")], "rolling"),
 ];
 
+/// What the programs that work by pixels have for themselves.
+static BY_PIXELS: [Mutant; 8] = [
+    ([("before + lane < entries", "before + lane + 1u < entries")], "supersample"),
+    ([("before += AT_ONCE", "before += 2u * AT_ONCE")], "supersample"),
+    ([("1u << (k % 32u)", "1u << (k % 16u)")], "supersample"),
+    ([("WORDS + k / 32u", "WORDS")], "supersample"),
+    ([("let k = 32u * word + firstTrailingBit(left)", "let k = firstTrailingBit(left)")], "supersample"),
+    ([("least = middle + 1u", "least = middle + 2u")], "hard"),
+    ([("slot = min(slot, wide", "slot = max(slot, wide")], "hard"),
+    ([("lane % PANEL_COLUMNS, ", "lane % PANEL_ROWS, ")], "supersample"),
+];
+
 #[test]
 #[ignore = "deep: broken programs"]
 fn broken_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_are_noticed") else { return };
     let cases = cases::all();
+    gpu.state.device.lanes = Lanes::Quads;
     all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| splats::check(gpu, named(&cases, name)));
+    gpu.state.device.lanes = Lanes::Pixels;
+    all_are_noticed(&mut gpu, &BY_PIXELS, |gpu, name| splats::check(gpu, named(&cases, name)));
 }
 
 /// Other roundings, such as a driver may choose: one unit in the last place more, where sums may cancel.

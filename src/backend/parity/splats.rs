@@ -6,6 +6,7 @@ use super::gpu_or_skip;
 use super::harness::{Harness, Host, NONE, PIXELS, Pass, UNWANTED, planes_of};
 use super::splat_twins::Context;
 use crate::backend::gpu::Gpu;
+use crate::backend::gpu::lanes::Lanes;
 use crate::plan::PaintPass;
 
 fn visibility(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
@@ -83,9 +84,12 @@ pub(super) fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 #[test]
 fn passes_agree() {
     let Some(mut gpu) = gpu_or_skip("passes_agree") else { return };
-    for case in cases::all() {
-        eprintln!("{}:", case.name);
-        check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+    for lanes in Lanes::ALL {
+        gpu.state.device.lanes = lanes;
+        for case in cases::all() {
+            eprintln!("{}, by {lanes:?}:", case.name);
+            check(&mut gpu, &case).unwrap_or_else(|what| panic!("by {lanes:?}: {what}"));
+        }
     }
 }
 

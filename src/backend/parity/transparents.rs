@@ -11,6 +11,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::cpu::transparent::project::{Projected, project};
 use crate::backend::cpu::transparent::view::GaussianView;
 use crate::backend::gpu::Gpu;
+use crate::backend::gpu::lanes::Lanes;
 use crate::backend::gpu::layout::DeviceGaussian;
 use crate::backend::{Backend, BackendError};
 use crate::film::{Aov, Blending, Picture};
@@ -127,8 +128,11 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 #[ignore = "deep: whole pictures"]
 fn captures_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same") else { return };
-    for case in captures() {
-        check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+    for lanes in Lanes::ALL {
+        gpu.state.device.lanes = lanes;
+        for case in captures() {
+            check(&mut gpu, &case).unwrap_or_else(|what| panic!("by {lanes:?}: {what}"));
+        }
     }
 }
 
@@ -318,20 +322,14 @@ static MUTANTS: [Mutant; 139] = [
     ([("(1.0 - through) / select", "1.0 / select")], "volume"),
     // See-through surfels.
     ([("met.covers = met.covers & (met.depth > depths.floor);", "")], "glass"),
-    ([("thresholds[floor_at] = thresholds[depths_at + i]", "thresholds[floor_at] = vec4<f32>(0.0)")], "glass"),
-    ([("(seen.depth > quad.floor) & ", "")], "glass"),
-    ([("min(quad.first, thresholds[depths_of(index) + ceiling_place() + in_tile])", "quad.first")], "glass"),
+    ([("thresholds[site.floor] = thresholds[site.threshold]", "thresholds[site.floor] = Floats(0.0)")], "glass"),
+    ([("(seen.depth > pixels.floor) & ", "")], "glass"),
+    ([("min(pixels.first, ceiling)", "pixels.first")], "glass"),
     ([("seen.disc = seen.disc & in_layer;", "")], "glass, bucket"),
     ([("segment.normal[0].w * own", "own")], "glass"),
     ([("if (segment.flags & 4u) != 0u { own = looks[before + surfel]; }", "")], "glass"),
     ([("select(6u, 10u, (segment", "select(6u, 6u, (segment")], "glass"),
-    (
-        [(
-            "if all(quad.first == vec4<f32>(UNWANTED)) { return; }\n    quad.second",
-            "if true { return; }\n    quad.second",
-        )],
-        "glass, ewa",
-    ),
+    ([("if all(pixels.first == Floats(UNWANTED)) { return; }", "if true { return; }")], "glass, ewa"),
     ([("peeled[4u * depths_at + i] = 0.0", "peeled[4u * depths_at + i] = 2.5")], "glass"),
     ([("ceiling = thresholds[index * TILE_PIXELS + 4u * lane + i]", "ceiling = NONE")], "glass"),
     ([("ceiling = thresholds[4u * before + i]", "ceiling = NONE")], "glass, ewa"),

@@ -121,8 +121,13 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 12] = [
-    ("AT_ONCE", "how a workgroup shares its memory; the CPU reads discs one by one"),
+const OF_DEVICE: [(&str, &str); 17] = [
+    ("READ", "how a workgroup shares its memory; the CPU reads discs one by one"),
+    ("LANES", "invocations of a workgroup by pixels"),
+    ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
+    ("PANEL_COLUMNS", "how a workgroup by pixels parts its tile"),
+    ("PANEL_ROWS", "how a workgroup by pixels parts its tile"),
+    ("PANELS", "how a workgroup by pixels parts its tile"),
     ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
     ("KNOWN", "what is known of a tile at rest; the CPU has a film or none"),
     ("RESTS", "the same"),

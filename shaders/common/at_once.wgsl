@@ -1,0 +1,93 @@
+// Lists that the invocations of a tile read together. A workgroup of 256 invocations reads AT_ONCE entries, one each.
+// Its pixels lie in panels of 8 x 4, one for each 32 invocations, and a mask of each panel tells which entries touch
+// it. So the invocations of a panel see their own entries alone, in the order of the list.
+// A program that uses this file has common/list.wgsl, and declares what it keeps of an entry.
+
+// Entries that are read at once: kernels of 8 KiB.
+override AT_ONCE: u32 = select(128u, 64u, FILTERED);
+const LANES: u32 = 256u;
+const PANEL_LANES: u32 = 32u;
+const PANEL_COLUMNS: u32 = 8u;
+const PANEL_ROWS: u32 = 4u;
+// Panels of a workgroup.
+const PANELS: u32 = LANES / PANEL_LANES;
+// Words of a panel's mask.
+override WORDS: u32 = AT_ONCE / 32u;
+var<workgroup> masks: array<atomic<u32>, PANELS * WORDS>;
+// A flag that is true if it is so in any invocation.
+var<workgroup> votes: atomic<u32>;
+var<workgroup> vote: u32;
+
+// Is `flag` true in any invocation? All must ask.
+fn any_lane(lane: u32, flag: bool) -> bool {
+    if lane == 0u { atomicStore(&votes, 0u); }
+    workgroupBarrier();
+    if flag { atomicOr(&votes, 1u); }
+    workgroupBarrier();
+    if lane == 0u { vote = atomicLoad(&votes); }
+    return workgroupUniformLoad(&vote) != 0u;
+}
+
+// The pixel of an invocation, counted from the first panel. Its panel is one of those from panel `before` on.
+fn in_panels(lane: u32, before: u32, in_row: u32) -> vec2<u32> {
+    let panel = before + lane / PANEL_LANES;
+    let in_panel = vec2<u32>(lane % PANEL_COLUMNS, (lane % PANEL_LANES) / PANEL_COLUMNS);
+    return vec2<u32>(panel % in_row, panel / in_row) * vec2<u32>(PANEL_COLUMNS, PANEL_ROWS) + in_panel;
+}
+
+// Number of entries of a walk.
+fn entries_of(walk: Walk) -> u32 {
+    return walk.end - walk.next + walk.end_wide - walk.next_wide;
+}
+
+// Entry `i` of a walk.
+fn entry_of(walk: Walk, i: u32) -> u32 {
+    if walk.end_wide == walk.next_wide { return list[walk.next + i]; }
+    // Entry i is the one before which i others are: some of the tile's own, the rest of them wide.
+    let own = walk.end - walk.next;
+    let all_wide = walk.end_wide - walk.next_wide;
+    var least = max(i, all_wide) - all_wide;
+    var most = min(i, own);
+    while least < most {
+        let middle = (least + most) / 2u;
+        // Here middle < own and i - 1 - middle < all_wide.
+        if list[walk.next + middle] < wide[walk.next_wide + (i - 1u - middle)] {
+            least = middle + 1u;
+        } else {
+            most = middle;
+        }
+    }
+    let of_wide = i - least;
+    var slot = 0xffffffffu;
+    if least < own { slot = list[walk.next + least]; }
+    if of_wide < all_wide { slot = min(slot, wide[walk.next_wide + of_wide]); }
+    return slot;
+}
+
+// Begins to read entries: no panel has any. A barrier must come before and after it.
+fn clear_masks(lane: u32) {
+    if lane < PANELS * WORDS { atomicStore(&masks[lane], 0u); }
+}
+
+// Notes that entry `k` of those that are read may touch the pixels in `bounds`. Panels count from `first`, row by row,
+// `in_row` in a row; this workgroup's are PANELS from panel `before` on.
+fn mark(k: u32, bounds: vec4<u32>, first: vec2<i32>, in_row: u32, before: u32) {
+    let from_first = vec4<i32>(bounds) - first.xxyy;
+    if from_first.y < 0 || from_first.w < 0 { return; }
+    let low = vec2<u32>(max(from_first.xz, vec2<i32>(0))) / vec2<u32>(PANEL_COLUMNS, PANEL_ROWS);
+    let high = vec2<u32>(from_first.yw) / vec2<u32>(PANEL_COLUMNS, PANEL_ROWS);
+    let last_row = min(high.y, (before + PANELS - 1u) / in_row);
+    for (var y = max(low.y, before / in_row); y <= last_row; y += 1u) {
+        for (var x = low.x; x <= min(high.x, in_row - 1u); x += 1u) {
+            let panel = y * in_row + x;
+            if panel >= before && panel < before + PANELS {
+                atomicOr(&masks[(panel - before) * WORDS + k / 32u], 1u << (k % 32u));
+            }
+        }
+    }
+}
+
+// Word `word` of the mask of an invocation's panel.
+fn mask_of(lane: u32, word: u32) -> u32 {
+    return atomicLoad(&masks[(lane / PANEL_LANES) * WORDS + word]);
+}
