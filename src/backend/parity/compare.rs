@@ -1,16 +1,22 @@
 //! Floats of the device against the CPU's, with tolerances.
 
+use std::sync::LazyLock;
+
 use super::harness::NONE;
+use crate::backend::gpu::adapters;
 
 /// Largest difference of floats, relative to the larger of 1 and the values that are added or multiplied (and for a
 /// splat's forms its `skew`). On the software device it is 0, measured: that device neither contracts nor approximates.
 /// One unit in the last place more in each of the sums that may cancel makes 1.9e-6
-/// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units. An NVIDIA H200 had 44 of
-/// 38,400 sums of published kernels beyond 5e-6, at 6.7e-6.
-const TOLERANCE: f32 = 1e-5;
+/// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units.
+const TOLERANCE: f32 = 5e-6;
 /// Share of slots or pixels that may differ more: those for which a rounded value decides (a bound next to a pixel's
-/// centre, a pixel next to a rim). On the software device there are none; an NVIDIA H200 had 4 of 3,840 loose weights.
-const BUDGET: f64 = 2e-3;
+/// centre, a pixel next to a rim). On the software device there are none.
+const BUDGET: f64 = 1e-3;
+/// A factor on both. Hardware has twice as much: on an NVIDIA H200 44 of 38,400 sums of published kernels differed by up to
+/// 6.7e-6, and 4 of 3,840 loose weights by 4e-5. Tests run on hardware where there is any.
+static LEEWAY: LazyLock<u8> =
+    LazyLock::new(|| if adapters().iter().any(|adapter| adapter.kind != "software") { 2 } else { 1 });
 
 /// What two backends have of one slot.
 #[derive(Default)]
@@ -29,7 +35,7 @@ impl Tally {
             got.iter().zip(want).map(|(g, w)| (g - w).abs()).fold(0.0, |a: f32, b| if b <= a { a } else { b });
         let relative = difference / scale.max(1.0);
         self.count += 1;
-        if relative <= TOLERANCE {
+        if relative <= TOLERANCE * f32::from(*LEEWAY) {
             self.worst = self.worst.max(relative);
         } else {
             self.otherwise(|| format!("{}: {got:?}, not {want:?}", at()));
@@ -44,7 +50,7 @@ impl Tally {
     pub(super) fn check(self, what: &str) -> Result<(), String> {
         let Self { worst, decided_otherwise, count, first } = self;
         eprintln!("{what}: worst {worst:.1e}, {decided_otherwise} of {count} decided otherwise");
-        if decided_otherwise as f64 > BUDGET * count as f64 {
+        if decided_otherwise as f64 > BUDGET * f64::from(*LEEWAY) * count as f64 {
             return Err(format!("{what}: {decided_otherwise} of {count} differ; first {}", first.unwrap_or_default()));
         }
         Ok(())
