@@ -13,8 +13,8 @@ const TOLERANCE: f32 = 5e-6;
 /// Share of slots or pixels that may differ more: those for which a rounded value decides (a bound next to a pixel's
 /// centre, a pixel next to a rim). On the software device there are none.
 const BUDGET: f64 = 1e-3;
-/// A factor on both. Hardware has twice as much: on an NVIDIA H200 44 of 38,400 sums of published kernels differed by up to
-/// 6.7e-6, and 4 of 3,840 loose weights by 4e-5. Tests run on hardware where there is any.
+/// A factor on both. Hardware has twice as much: on an NVIDIA H200 44 of 38,400 sums of published kernels differed by
+/// up to 6.7e-6, and 4 of 3,840 loose weights by 4e-5. Tests run on hardware where there is any.
 static LEEWAY: LazyLock<u8> =
     LazyLock::new(|| if adapters().iter().any(|adapter| adapter.kind != "software") { 2 } else { 1 });
 
