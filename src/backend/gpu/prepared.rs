@@ -39,8 +39,8 @@ impl Gpu {
         let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
         // Full EWA walks over a list twice, once for the band and once for the other layers.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
-        let walks_twice = software && (frame.slices() > 0 || layers > 1);
-        let slots = if walks_twice { (self.most_slots / 2).max(1) } else { self.most_slots };
+        let needs_turns = software && (frame.slices() > 0 || layers > 1);
+        let slots = if needs_turns { (self.most_slots / 2).max(1) } else { self.most_slots };
         let limits = Limits { bytes: self.most_bytes, slots };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
