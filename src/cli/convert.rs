@@ -84,12 +84,17 @@ impl Convert {
                 say(&format!("note: {note}"));
             }
         }
-        let write = if binary { model::write_bin } else { model::write_ply };
-        write(&self.output, &surfels)?;
+        let count = surfels.len();
+        if binary {
+            // In this order the file holds levels of detail, too.
+            model::write_bin(&self.output, &surfels.spatially_ordered())?;
+        } else {
+            model::write_ply(&self.output, &surfels)?;
+        }
         if self.quiet {
             return Ok(());
         }
-        print(&format!("{} surfels: {}\n", surfels.len(), self.output.display()))
+        print(&format!("{count} surfels: {}\n", self.output.display()))
     }
 }
 

@@ -28,7 +28,7 @@ pub use self::panorama::Panorama;
 pub(crate) use self::pixel_rect::PixelRect;
 pub use self::poser::{PosedObject, PosedSample};
 pub use self::raster::{Raster, RasterArea};
-pub use self::static_objects::{STATIC_PATH, shared_positions, shows_much_rest};
+pub use self::static_objects::{STATIC_PATH, all_rests, shared_positions, shows_much_rest};
 
 /// One frame, posed.
 #[derive(Clone, Debug)]

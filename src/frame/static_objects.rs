@@ -63,7 +63,7 @@ pub fn shows_much_rest(scene: &Scene) -> bool {
 }
 
 /// Does nothing move?
-fn all_rests(scene: &Scene) -> bool {
+pub fn all_rests(scene: &Scene) -> bool {
     scene.camera.rests() && scene.objects.iter().all(rests)
 }
 

@@ -1,5 +1,5 @@
 //! Our own binary format: complete surfels in columns, exact and fast to load. docs/bin-format.md describes it byte by
-//! byte. It has 400 lines because it reads two versions of the format.
+//! byte. It is long because it reads two versions of the format.
 
 use std::collections::BTreeSet;
 use std::io::{self, Read, Seek as _, Write};
@@ -11,9 +11,10 @@ use glam::{DVec3, Vec3};
 use super::bin_stream::{Fault, Stream};
 use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
+use super::levels::{Levels, TreeColumns, VERSION as LEVELS_VERSION, fingerprint, keep};
 use super::normalisation::LARGEST;
 use super::store;
-use super::surfels::{Material, Surfels, VelocityUnit};
+use super::surfels::{KeptLevels, Material, Surfels, VelocityUnit};
 use super::tidy::{MAX_COORDINATE, usable};
 use crate::files::Input;
 
@@ -44,14 +45,32 @@ struct Known {
     /// Numbers of a row.
     components: usize,
     required: bool,
+    rows: Rows,
+}
+
+/// What a column has rows for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Rows {
+    /// Each surfel of the model.
+    Surfels,
+    /// The whole tree of levels of detail: there is one row.
+    Tree,
+    /// Each node of the tree.
+    Nodes,
+    /// Each merged surfel of the tree.
+    Merged,
 }
 
 const fn known(name: &'static str, components: usize, required: bool) -> Known {
-    Known { name, kind: F32, components, required }
+    Known { name, kind: F32, components, required, rows: Rows::Surfels }
+}
+
+const fn of_levels(name: &'static str, kind: u32, components: usize, rows: Rows) -> Known {
+    Known { name, kind, components, required: false, rows }
 }
 
 /// The columns in the order in which they are written. The first version has the first seven.
-const COLUMNS: [Known; 11] = [
+const COLUMNS: [Known; 26] = [
     known("position", 3, true),
     known("axis_u", 3, true),
     known("axis_v", 3, true),
@@ -62,7 +81,22 @@ const COLUMNS: [Known; 11] = [
     known("normalisation", 1, false),
     known("opacity", 1, false),
     known("acceleration", 3, false),
-    Known { name: "id", kind: I64, components: 1, required: false },
+    Known { name: "id", kind: I64, components: 1, required: false, rows: Rows::Surfels },
+    of_levels("level_of", I64, 2, Rows::Tree),
+    of_levels("level_node", I64, 4, Rows::Nodes),
+    of_levels("level_box", F32, 6, Rows::Nodes),
+    of_levels("level_axis", F32, 3, Rows::Nodes),
+    of_levels("level_errors", F32, 4, Rows::Nodes),
+    of_levels("level_along", F32, 6, Rows::Nodes),
+    of_levels("level_position", F32, 3, Rows::Merged),
+    of_levels("level_axis_u", F32, 3, Rows::Merged),
+    of_levels("level_axis_v", F32, 3, Rows::Merged),
+    of_levels("level_normal", F32, 3, Rows::Merged),
+    of_levels("level_colour", F32, 3, Rows::Merged),
+    of_levels("level_share", F32, 1, Rows::Merged),
+    of_levels("level_alike", F32, 1, Rows::Merged),
+    of_levels("level_material", F32, 4, Rows::Merged),
+    of_levels("level_opacity", F32, 1, Rows::Merged),
 ];
 
 /// Where each column of [`COLUMNS`] lies in the file.
@@ -126,7 +160,7 @@ pub(super) fn read(from: impl Read, size: u64) -> Result<Surfels, Fault> {
     let places =
         if version == 1 { first_version(&header, size, count, mask)? } else { directory(&header, &mut bytes, count)? };
     let found = u32::from_le_bytes(field(&header, CRC_AT)?);
-    let mut surfels = columns(&mut bytes, &places)?;
+    let (mut surfels, tree) = columns(&mut bytes, &places)?;
     let computed = bytes.checksum()?;
     if found != computed {
         let expected = format!("{computed:08x}: the file is damaged");
@@ -140,20 +174,47 @@ pub(super) fn read(from: impl Read, size: u64) -> Result<Surfels, Fault> {
     if let Some(factors) = surfels.normalisation.known() {
         check_factors(factors, &places)?;
     }
-    check(&surfels, &places)?;
+    check_columns("", &surfels, &places)?;
+    surfels.levels = levels(tree, &surfels, &places)?;
     Ok(surfels)
 }
 
+/// The columns of levels of detail, as they were read.
+#[derive(Default)]
+struct Tree {
+    /// Version of its rules, and fingerprint of the surfels.
+    of: Vec<[i64; 2]>,
+    columns: TreeColumns,
+    merged: Surfels,
+}
+
+/// The tree of levels of a file, if it has one, and it is of the version and the surfels that this program has.
+fn levels(tree: Tree, surfels: &Surfels, places: &Places) -> Result<KeptLevels, ParseError> {
+    let Tree { of, columns, merged } = tree;
+    let Some(&[version, of]) = of.first() else { return Ok(KeptLevels::default()) };
+    let Some(of) = u32::try_from(of).ok().filter(|_| version == LEVELS_VERSION) else {
+        return Ok(KeptLevels::default());
+    };
+    check_columns("level_", &merged, places)?;
+    let tree = Levels::from_columns(columns, merged, surfels.len()).map_err(|wrong| {
+        let name = format!("level_{}", wrong.column);
+        let column = COLUMNS.iter().position(|known| known.name == name).unwrap_or_default();
+        let found = format!("row {} of `{name}`", wrong.row);
+        ParseError::byte(byte_of(places, column, wrong.row), found, wrong.expected)
+    })?;
+    Ok(keep(of, tree))
+}
+
 /// The columns of a file, whose next byte is the first behind its directory.
-fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<Surfels, Fault> {
-    let mut surfels = Surfels::default();
+fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<(Surfels, Tree), Fault> {
+    let (mut surfels, mut tree) = (Surfels::default(), Tree::default());
     let mut factors = Vec::new();
     let there = places.iter().zip(&COLUMNS).filter_map(|(place, column)| Some((place.clone()?, column)));
     let mut there: Vec<(Range<usize>, &Known)> = there.collect();
     there.sort_by_key(|(place, _)| place.start);
     for (place, column) in there {
         bytes.skip_to(place.start as u64)?;
-        let s = &mut surfels;
+        let (s, merged, levels) = (&mut surfels, &mut tree.merged, &mut tree.columns);
         match column.name {
             "position" => bytes.vectors(&place, &mut s.position)?,
             "axis_u" => bytes.vectors(&place, &mut s.axis_u)?,
@@ -166,6 +227,21 @@ fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<Surfels, F
             "opacity" => bytes.floats::<1, 4, _>(&place, &mut s.opacity, |[opacity]| opacity)?,
             "acceleration" => bytes.vectors(&place, &mut s.acceleration)?,
             "id" => bytes.rows(&place, &mut s.id, |row: &[u8; 8]| i64::from_le_bytes(*row))?,
+            "level_of" => bytes.rows(&place, &mut tree.of, whole::<2, 16>)?,
+            "level_node" => bytes.rows(&place, &mut levels.ranges, whole::<4, 32>)?,
+            "level_box" => bytes.floats::<6, 24, _>(&place, &mut levels.corners, |row| row)?,
+            "level_axis" => bytes.vectors(&place, &mut levels.axis)?,
+            "level_errors" => bytes.floats::<4, 16, _>(&place, &mut levels.errors, |row| row)?,
+            "level_along" => bytes.floats::<6, 24, _>(&place, &mut levels.along, |row| row)?,
+            "level_position" => bytes.vectors(&place, &mut merged.position)?,
+            "level_axis_u" => bytes.vectors(&place, &mut merged.axis_u)?,
+            "level_axis_v" => bytes.vectors(&place, &mut merged.axis_v)?,
+            "level_normal" => bytes.vectors(&place, &mut merged.normal)?,
+            "level_colour" => bytes.vectors(&place, &mut merged.colour)?,
+            "level_share" => bytes.floats::<1, 4, _>(&place, &mut levels.share, |[share]| share)?,
+            "level_alike" => bytes.floats::<1, 4, _>(&place, &mut levels.alike, |[alike]| alike)?,
+            "level_material" => bytes.floats::<4, 16, _>(&place, &mut merged.material, material)?,
+            "level_opacity" => bytes.floats::<1, 4, _>(&place, &mut merged.opacity, |[opacity]| opacity)?,
             // A column that this version knows, and does not keep.
             _ => bytes.skip_to(place.end as u64)?,
         }
@@ -173,7 +249,7 @@ fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<Surfels, F
     if !factors.is_empty() {
         surfels.normalisation = factors.into();
     }
-    Ok(surfels)
+    Ok((surfels, tree))
 }
 
 /// The columns of the first version: they follow the header in their order.
@@ -258,9 +334,16 @@ fn directory<R: Read>(header: &[u8], bytes: &mut Stream<R>, count: u64) -> Resul
             let expected = format!("type {} with {}", column.kind, column.components);
             return Err(ParseError::byte(at + NAME, found, expected).into());
         }
-        if column.length(count) != Some(length) {
-            let found = format!("column `{name}` of {length} bytes for {count} surfels");
-            let expected = format!("{} bytes for each surfel", column.row());
+        let rows = match column.rows {
+            Rows::Surfels => count,
+            Rows::Tree => 1,
+            // That those of one kind are as many is checked when all are known.
+            Rows::Nodes | Rows::Merged => length / column.row() as u64,
+        };
+        if column.length(rows) != Some(length) {
+            let what = if column.rows == Rows::Surfels { "surfel" } else { "row" };
+            let found = format!("column `{name}` of {length} bytes for {rows} {what}s");
+            let expected = format!("{} bytes for each {what}", column.row());
             return Err(ParseError::byte(at + NAME + 16, found, expected).into());
         }
         *place = Some(start as usize..(start + length) as usize);
@@ -270,10 +353,43 @@ fn directory<R: Read>(header: &[u8], bytes: &mut Stream<R>, count: u64) -> Resul
         return Err(ParseError::byte(COLUMNS_AT, found, "a file that ends with its last column").into());
     }
     let missing = places.iter().zip(&COLUMNS).find(|(place, column)| place.is_none() && column.required);
-    match missing {
-        Some((_, column)) => Err(ParseError::byte(HEADER, format!("no column `{}`", column.name), "one").into()),
-        None => Ok(places),
+    if let Some((_, column)) = missing {
+        return Err(ParseError::byte(HEADER, format!("no column `{}`", column.name), "one").into());
     }
+    check_levels(&places)?;
+    Ok(places)
+}
+
+/// Checks that there are all columns of levels or none, and that they have as many rows as they should.
+fn check_levels(places: &Places) -> Result<(), ParseError> {
+    let place = |name: &str| {
+        let column = COLUMNS.iter().position(|known| known.name == name)?;
+        places[column].as_ref()
+    };
+    if place("level_of").is_none() {
+        return Ok(());
+    }
+    let rows = |kind: Rows| {
+        let first = COLUMNS.iter().position(|known| known.rows == kind);
+        first.map_or(0, |column| places[column].as_ref().map_or(0, |place| place.len() / COLUMNS[column].row()))
+    };
+    for (column, own) in COLUMNS.iter().zip(places).filter(|(column, _)| column.name.starts_with("level_")) {
+        // Merged surfels have these where the model does.
+        let of_model = column.name.strip_prefix("level_").filter(|name| ["material", "opacity"].contains(name));
+        let Some(own) = own else {
+            if of_model.is_some_and(|name| place(name).is_none()) {
+                continue;
+            }
+            let found = format!("no column `{}`", column.name);
+            return Err(ParseError::byte(HEADER, found, "all columns of levels, or no `level_of`"));
+        };
+        let expected = rows(column.rows);
+        if own.len() != expected * column.row() {
+            let found = format!("{} rows of `{}`", own.len() / column.row(), column.name);
+            return Err(ParseError::byte(own.start, found, format!("{expected}, as others have")));
+        }
+    }
+    Ok(())
 }
 
 /// The name in an entry; `None` if it is empty or has other characters.
@@ -305,7 +421,15 @@ impl Known {
 /// The file cannot be written (then no part of it is left), or the arrays differ in length.
 pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     store::check_columns(surfels)?;
-    let columns = Column::all(surfels);
+    // What shows all its surfels at all distances needs no tree.
+    let shows_all = !surfels.paths().is_empty() || surfels.tolerance() < surfels.median_radius();
+    let levels = if shows_all { None } else { surfels.tree() };
+    let tree = levels.as_ref().map(|levels| WrittenTree {
+        of: [LEVELS_VERSION, fingerprint(surfels).into()],
+        columns: levels.columns(),
+        merged: levels.merged(),
+    });
+    let columns = Column::all(surfels, tree.as_ref());
     let mut mask = 0;
     if surfels.two_sided {
         mask |= TWO_SIDED;
@@ -351,6 +475,13 @@ struct Column<'a> {
     values: Values<'a>,
 }
 
+/// Levels of detail to be written.
+struct WrittenTree<'a> {
+    of: [i64; 2],
+    columns: TreeColumns,
+    merged: &'a Surfels,
+}
+
 enum Values<'a> {
     Vectors(&'a [Vec3]),
     Materials(&'a [Material]),
@@ -360,8 +491,8 @@ enum Values<'a> {
 
 impl<'a> Column<'a> {
     /// The columns of a model that are not empty.
-    fn all(s: &'a Surfels) -> Vec<Self> {
-        let values = [
+    fn all(s: &'a Surfels, tree: Option<&'a WrittenTree<'_>>) -> Vec<Self> {
+        let own = [
             Values::Vectors(&s.position),
             Values::Vectors(&s.axis_u),
             Values::Vectors(&s.axis_v),
@@ -374,6 +505,26 @@ impl<'a> Column<'a> {
             Values::Vectors(&s.acceleration),
             Values::Whole(&s.id),
         ];
+        let of_tree = tree.map(|WrittenTree { of, columns, merged }| {
+            [
+                Values::Whole(of),
+                Values::Whole(columns.ranges.as_flattened()),
+                Values::Numbers(columns.corners.as_flattened()),
+                Values::Vectors(&columns.axis),
+                Values::Numbers(columns.errors.as_flattened()),
+                Values::Numbers(columns.along.as_flattened()),
+                Values::Vectors(&merged.position),
+                Values::Vectors(&merged.axis_u),
+                Values::Vectors(&merged.axis_v),
+                Values::Vectors(&merged.normal),
+                Values::Vectors(&merged.colour),
+                Values::Numbers(&columns.share),
+                Values::Numbers(&columns.alike),
+                Values::Materials(&merged.material),
+                Values::Numbers(&merged.opacity),
+            ]
+        });
+        let values = own.into_iter().chain(of_tree.into_iter().flatten());
         let columns = COLUMNS.iter().zip(values).map(|(known, values)| Self { known, values });
         columns.filter(|column| column.known.required || column.bytes() > 0).collect()
     }
@@ -445,36 +596,50 @@ fn field<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], ParseError>
     found.copied().ok_or_else(|| ParseError::byte(at, "the end of the file", format!("a header of {HEADER} bytes")))
 }
 
+fn whole<const N: usize, const BYTES: usize>(row: &[u8; BYTES]) -> [i64; N] {
+    let mut numbers = [0; N];
+    for (number, bytes) in numbers.iter_mut().zip(row.as_chunks::<8>().0) {
+        *number = i64::from_le_bytes(*bytes);
+    }
+    numbers
+}
+
 fn material([ambient, diffuse, specular, shininess]: [f32; 4]) -> Material {
     Material { ambient, diffuse, specular, shininess }
 }
 
-/// Checks what every other part relies on. A checksum guards against accidents, not against programs that write
-/// nonsense.
-fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
+/// Checks what every other part relies on, in columns whose names begin with `prefix`. A checksum guards against
+/// accidents, not against programs that write nonsense.
+fn check_columns(prefix: &str, s: &Surfels, places: &Places) -> Result<(), ParseError> {
     let finite = |v: &Vec3| f64::from(v.abs().max_element()) <= MAX_COORDINATE && v.is_finite();
     let unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-4;
     let sane =
         |m: &Material| [m.ambient, m.diffuse, m.specular, m.shininess].iter().all(|x| x.is_finite() && *x >= 0.0);
     let axes = s.axis_u.iter().zip(&s.axis_v);
     let faults = [
-        (0, "position", s.position.iter().position(|v| !finite(v))),
-        (1, "pair of axes", axes.into_iter().position(|(u, v)| !usable(*u, *v))),
-        (3, "normal", s.normal.iter().position(|n| !unit(n))),
-        (4, "colour", s.colour.iter().position(|c| !c.is_finite())),
-        (5, "material", s.material.iter().position(|m| !sane(m))),
-        (6, "velocity", s.velocity.iter().position(|v| !finite(v))),
-        (8, "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
-        (9, "acceleration", s.acceleration.iter().position(|v| !finite(v))),
+        ("position", "position", s.position.iter().position(|v| !finite(v))),
+        ("axis_u", "pair of axes", axes.into_iter().position(|(u, v)| !usable(*u, *v))),
+        ("normal", "normal", s.normal.iter().position(|n| !unit(n))),
+        ("colour", "colour", s.colour.iter().position(|c| !c.is_finite())),
+        ("material", "material", s.material.iter().position(|m| !sane(m))),
+        ("velocity", "velocity", s.velocity.iter().position(|v| !finite(v))),
+        ("opacity", "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
+        ("acceleration", "acceleration", s.acceleration.iter().position(|v| !finite(v))),
     ];
-    match faults.into_iter().find_map(|(column, what, fault)| fault.map(|i| (column, what, i))) {
-        Some((column, what, i)) => {
-            let expected = "finite numbers, axes that span a plane, unit normals, coefficients of at least 0, \
-                            opacities from 0 to 1";
-            Err(ParseError::byte(byte_of(places, column, i), format!("an unusable {what} at surfel {i}"), expected))
-        }
-        None => Ok(()),
-    }
+    let Some((column, what, i)) = faults.into_iter().find_map(|(column, what, fault)| Some((column, what, fault?)))
+    else {
+        return Ok(());
+    };
+    let expected = "finite numbers, axes that span a plane, unit normals, coefficients of at least 0, \
+                    opacities from 0 to 1";
+    let name = format!("{prefix}{column}");
+    let found = if prefix.is_empty() {
+        format!("an unusable {what} at surfel {i}")
+    } else {
+        format!("an unusable {what} at row {i} of `{name}`")
+    };
+    let column = COLUMNS.iter().position(|known| known.name == name).unwrap_or_default();
+    Err(ParseError::byte(byte_of(places, column, i), found, expected))
 }
 
 /// Checks that factors are in the range that [`Surfels::normalisation`] gives.

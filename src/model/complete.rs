@@ -7,7 +7,7 @@ use super::cloud::{Cloud, ColourStorage, PLAIN};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
 use super::options::{ColourSpace, LoadOptions, LoadProgress};
-use super::surfels::{Material, Normalisation, Surfels};
+use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
 use super::{normals, radii};
 use crate::math::{Bounds, srgb};
@@ -65,6 +65,7 @@ pub fn complete(
         velocity_unit: cloud.velocity_unit,
         opacity: cloud.opacity,
         normalisation: Normalisation::default(),
+        levels: KeptLevels::default(),
         two_sided: cloud.two_sided,
         signs_estimated: cloud.signs_estimated,
     };

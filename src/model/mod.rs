@@ -62,7 +62,7 @@ pub(crate) use inward::INWARD;
 pub use load::{LoadedModel, LoadedShape, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub(crate) use load::{ReadFile, open};
 pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
-pub use surfels::{Material, Normalisation, Surfels, VelocityUnit};
+pub use surfels::{KeptLevels, Material, Normalisation, Surfels, VelocityUnit};
 pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, TransferFunction, TransferFunctionError, TransferStop, VolumeFacts,
     VolumeOptions,

@@ -1,8 +1,9 @@
 //! A model that can be rendered.
 
+use std::any::Any;
 use std::fmt;
 use std::panic::{RefUnwindSafe, UnwindSafe};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
 
@@ -98,6 +99,41 @@ impl From<Vec<f32>> for Normalisation {
     }
 }
 
+/// The levels of detail of a model, if a file brought them along ([`write_bin`](super::write_bin)).
+///
+/// They are used as long as the columns that they were made of are what they were; else a renderer makes others.
+#[derive(Clone, Debug, Default)]
+pub struct KeptLevels(Option<Arc<dyn Tree>>);
+
+/// The tree of a model as its columns keep it. Levels are made of surfels, so that these cannot know more of them.
+pub(super) trait Tree: Any + fmt::Debug + Send + Sync + UnwindSafe + RefUnwindSafe {
+    /// Memory of the tree, bytes.
+    fn bytes(&self) -> u64;
+}
+
+impl KeptLevels {
+    /// Keeps a tree.
+    pub(super) fn new(tree: impl Tree) -> Self {
+        Self(Some(Arc::new(tree)))
+    }
+
+    /// The tree, if there is one of this kind.
+    pub(super) fn tree<T: Tree>(&self) -> Option<&T> {
+        let tree: &dyn Any = &**self.0.as_ref()?;
+        tree.downcast_ref()
+    }
+
+    /// Is there one?
+    pub(crate) fn is_some(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Memory of the tree, bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.0.as_ref().map_or(0, |tree| tree.bytes())
+    }
+}
+
 /// The unit of time of velocities and accelerations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VelocityUnit {
@@ -140,6 +176,8 @@ pub struct Surfels {
     pub id: Vec<i64>,
     /// Factors of the kernels, if they are known; [`Surfels::normalisation`] gives them in any case.
     pub normalisation: Normalisation,
+    /// The levels of detail, if a file brought them along.
+    pub levels: KeptLevels,
     /// True if the signs of the normals mean nothing. Both sides are then shown unless the scene says otherwise.
     pub two_sided: bool,
     /// True if the signs of normals were estimated from the shape of the cloud. They point out of a closed surface, so
@@ -189,7 +227,7 @@ impl Surfels {
         flaw::each("acceleration", &self.acceleration, flaw::is_place, flaw::PLACE)
     }
 
-    /// Memory of the columns, bytes.
+    /// Memory of the columns, bytes. Levels of detail are not among them.
     pub fn bytes(&self) -> u64 {
         let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour];
         let vectors = vectors.into_iter().chain([&self.velocity, &self.acceleration]);

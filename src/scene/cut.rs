@@ -12,7 +12,7 @@ use std::borrow::Cow;
 use glam::{DMat3, DMat4, DVec2, DVec3};
 
 use super::pose::{camera_from_world, object_pose};
-use super::shape::Shape;
+use super::shape::{Shape, Surface};
 use super::values::{Object, Scene};
 use crate::math::{focal_length, norm};
 use crate::model::levels::{Levels, Node};
@@ -89,7 +89,7 @@ impl Scene {
                 own => CutTolerance::of(own.error(Quality::default())?),
             };
             let mirrors = if self.environment.is_some() { surface.reflection } else { 0.0 };
-            let model = model.cut(|levels| {
+            let model = model.cut(surface.material, |levels| {
                 let views = views(self, object, number);
                 let origin = model.surfels().origin;
                 let mut nodes = Vec::new();
@@ -102,7 +102,9 @@ impl Scene {
                 }
                 nodes
             })?;
-            Some(Shape::Surfels { model, surface: *surface, points: *points })
+            // Materials of its own are those of the object, but for its highlights.
+            let material = surface.material.filter(|_| model.surfels().material.is_empty());
+            Some(Shape::Surfels { model, surface: Surface { material, ..*surface }, points: *points })
         };
         let shapes: Vec<Option<Shape>> = self.objects.iter().map(cut).collect();
         if shapes.iter().all(Option::is_none) {

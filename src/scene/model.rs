@@ -9,7 +9,7 @@ use crate::math::Bounds;
 use crate::model::levels::Levels;
 use crate::model::mesh::Mesh;
 use crate::model::paths::{Elapsed, OwnPaths, Paths};
-use crate::model::{Gaussians, Optics, Surfels};
+use crate::model::{Gaussians, Material, Optics, Surfels};
 
 /// The surfels of a shape without any.
 pub(super) static NO_SURFELS: LazyLock<Arc<Surfels>> = LazyLock::new(Arc::default);
@@ -40,7 +40,14 @@ pub struct SurfelModel {
 struct LevelsOnce {
     tree: OnceLock<Option<Arc<Levels>>>,
     /// The last cut: what does not move has the same in each frame, and is uploaded once.
-    last: Mutex<Option<(Vec<u32>, Arc<Surfels>)>>,
+    last: Mutex<Option<LastCut>>,
+}
+
+#[derive(Debug)]
+struct LastCut {
+    nodes: Vec<u32>,
+    material: Option<Material>,
+    surfels: Arc<Surfels>,
 }
 
 impl LevelsOnce {
@@ -90,7 +97,8 @@ impl SurfelModel {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
         let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
         let tolerance = surfels.tolerance();
-        Self { median_radius, tolerance, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
+        let beside = surfels.levels.bytes();
+        Self { median_radius, tolerance, least_opacity, bounds, rates, beside, ..Self::bare(surfels, None) }
     }
 
     /// The same surfels, which were sampled from a mesh. They are a surface for all its edges and thin parts.
@@ -104,17 +112,19 @@ impl SurfelModel {
     }
 
     /// The surfels of some nodes of the levels of detail, which `choose` names, in place of all. `None` where there are
-    /// no levels, or the nodes have all surfels. Levels are built when they are first asked for.
-    pub(super) fn cut(&self, choose: impl FnOnce(&Levels) -> Vec<u32>) -> Option<Self> {
+    /// no levels, or the nodes have all surfels. Levels are built when they are first asked for. The surfels have
+    /// materials where the model does, and where merged ones change the highlights of `material`, the whole object's.
+    pub(super) fn cut(&self, material: Option<Material>, choose: impl FnOnce(&Levels) -> Vec<u32>) -> Option<Self> {
         // Loose discs are no surface, and merge to none. Those that move by themselves leave their neighbours. A file
-        // of a sequence shows in a frame or two, which a tree is not worth.
-        if self.tolerance < self.median_radius || !self.paths().is_empty() || self.piece.is_some() {
+        // of a sequence shows in a frame or two, which is not worth a tree unless the file brought one along.
+        let is_passing = self.piece.is_some() && !self.surfels.levels.is_some();
+        if self.tolerance < self.median_radius || !self.paths().is_empty() || is_passing {
             return None;
         }
         // No lock is held while they are built: a thread that waits for its parallel parts may take up a task that asks
         // for the same levels.
         if self.levels.tree.get().is_none() {
-            let built = Levels::of(&self.surfels).map(Arc::new);
+            let built = self.surfels.tree();
             // An error says that another thread was first.
             let _ = self.levels.tree.set(built);
         }
@@ -125,18 +135,19 @@ impl SurfelModel {
         }
         let mut last = self.levels.last.lock().unwrap_or_else(PoisonError::into_inner);
         let surfels = match &*last {
-            Some((of, surfels)) if *of == cut => Arc::clone(surfels),
+            Some(last) if last.nodes == cut && last.material == material => Arc::clone(&last.surfels),
             _ => {
-                let surfels = Arc::new(levels.gather(&self.surfels, &cut));
-                *last = Some((cut, Arc::clone(&surfels)));
+                let surfels = Arc::new(levels.gather(&self.surfels, &cut, material));
+                *last = Some(LastCut { nodes: cut, material, surfels: Arc::clone(&surfels) });
                 surfels
             }
         };
-        let beside = self.surfels.bytes() + levels.bytes();
+        let beside = self.surfels.bytes() + levels.bytes().max(self.beside);
         Some(Self { surfels, beside, levels: Arc::new(LevelsOnce::none()), ..self.clone() })
     }
 
-    /// Memory of what is kept beside the surfels: all of the model, where these are a cut through its levels.
+    /// Memory of what is kept beside the surfels: levels that a file brought along; all of the model and its levels,
+    /// where these surfels are a cut through them.
     pub(crate) fn bytes_beside(&self) -> u64 {
         self.beside
     }

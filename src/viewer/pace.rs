@@ -9,7 +9,7 @@ const FLUENT: Duration = Duration::from_millis(40);
 const LONGEST: Duration = Duration::from_millis(100);
 /// Shares of the width and height of the window.
 const SCALES: [f64; 5] = [1.0, 0.75, 0.5, 0.375, 0.25];
-/// Most time samples of a quick picture.
+/// Most samples of a quick picture.
 const MOST_SAMPLES: u32 = 64;
 /// Where no size is fast enough, a smaller one must save at least this share of the time.
 const SAVES: f64 = 0.25;
@@ -25,7 +25,8 @@ const FIXED: f64 = 0.2;
 pub(super) struct Level {
     /// Number of the scale, 0 for the window's size.
     scale: usize,
-    /// Time samples, a power of two.
+    /// How many times the work of the least picture, a power of two: time samples, or twice as many where something
+    /// moves.
     pub(super) samples: u32,
 }
 

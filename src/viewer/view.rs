@@ -4,7 +4,8 @@ use serde::Deserialize;
 
 use super::camera::CameraAt;
 use crate::film::Aov;
-use crate::options::{self, BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions, Shading};
+use crate::frame::all_rests;
+use crate::options::{self, BlurMode, ErrorTarget, Interleave, Prefilter, Quality, RenderOptions, Shading};
 use crate::renderer::Device;
 use crate::scene::{Camera, Scene};
 use crate::time::{FrameNumber, Readout, Shutter, Weight};
@@ -215,12 +216,18 @@ impl PageLook {
         }
     }
 
-    /// The options of a quick picture with `samples` time samples. It has no filter, which takes half the time of full
-    /// EWA, so that outlines stay where they are when the picture is refined. `approx` stays where it is asked for.
-    pub(super) fn quick(&self, quality: Quality, samples: u32, memory: u64) -> RenderOptions {
+    /// The options of a quick picture of `scene` with `samples` times the work of the least. It has no filter, which
+    /// takes half the time of full EWA, so that outlines stay where they are when the picture is refined. `approx`
+    /// stays where it is asked for.
+    ///
+    /// What moves shows its blur: the least picture has four instants, one in each pixel of a square, which take 1.3 to
+    /// 1.7 times as long as one in all pixels. Two time samples take as long as that, and four twice as long.
+    pub(super) fn quick(&self, scene: &Scene, quality: Quality, samples: u32, memory: u64) -> RenderOptions {
         let mode = match quality {
             Quality::Mode(BlurMode::Still { .. }) => BlurMode::Still { pixel_samples: samples },
-            _ => BlurMode::supersample(samples),
+            _ if all_rests(scene) => BlurMode::supersample(samples),
+            _ if samples == 1 => BlurMode::interleaved(1, Interleave::Two),
+            _ => BlurMode::supersample(2 * samples),
         };
         let prefilter = match self.prefilter {
             Some(Prefilter::Approx) => Prefilter::Approx,

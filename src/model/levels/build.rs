@@ -49,7 +49,11 @@ impl Levels {
         let occupied = occupied(surfels, &codes, &drafts, &grid);
         let mut nodes: Vec<Node> = Vec::new();
         nodes.resize(drafts.len(), Node::default());
-        let mut merged = Merged { of: Surfels { origin: surfels.origin, ..Surfels::default() }, share: Vec::new() };
+        let mut merged = Merged {
+            of: Surfels { origin: surfels.origin, ..Surfels::default() },
+            share: Vec::new(),
+            alike: Vec::new(),
+        };
         // The merged discs of the nodes of the depth below, which are many and large: no others are held.
         let (mut first_below, mut all_below): (usize, Vec<Vec<Disc>>) = (drafts.len(), Vec::new());
         for depth in depths.into_iter().rev() {
@@ -87,7 +91,7 @@ impl Levels {
             }
         }
         merged.shrink();
-        Some(Self { nodes, merged: merged.of, share: merged.share })
+        Some(Self { nodes, merged: merged.of, share: merged.share, alike: merged.alike })
     }
 }
 
@@ -95,6 +99,7 @@ impl Levels {
 struct Merged {
     of: Surfels,
     share: Vec<f32>,
+    alike: Vec<f32>,
 }
 
 impl Merged {
@@ -121,6 +126,7 @@ impl Merged {
                 of.material.push(disc.material);
             }
             self.share.push(disc.area / area);
+            self.alike.push(disc.alike());
         }
         Some(start..start + discs.len() as u32)
     }
@@ -134,6 +140,7 @@ impl Merged {
         of.opacity.shrink_to_fit();
         of.material.shrink_to_fit();
         self.share.shrink_to_fit();
+        self.alike.shrink_to_fit();
     }
 }
 

@@ -46,6 +46,8 @@ pub(super) struct Disc {
     squares: f32,
     /// Mean of their fronts: shorter the more these differ.
     front: Vec3,
+    /// Mean of their shading normals, likewise.
+    shading: Vec3,
     /// Mean square of how far it lies from one of them, or those below reach over others where that shows.
     pub(super) deviation: f32,
     /// Mean square of how far it reaches over those of the level below.
@@ -75,6 +77,7 @@ impl Disc {
             shown,
             squares: shown.length_squared(),
             front: cross.normalize_or_zero(),
+            shading: surfels.normal[i],
             deviation: 0.0,
             over: 0.0,
             contrast: 0.0,
@@ -102,6 +105,11 @@ impl Disc {
         let own = displayed(self.colour);
         let colours = (self.squares - 2.0 * own.dot(self.shown) + own.length_squared()).max(0.0);
         (colours + own.length_squared() * self.turns()) / 3.0
+    }
+
+    /// How alike the shading normals below are: the length of their mean, from 0 to 1.
+    pub(super) fn alike(&self) -> f32 {
+        self.shading.length().min(1.0)
     }
 
     /// The mean square of how far the fronts below are from their mean, each of length 1.
@@ -201,6 +209,7 @@ pub(super) fn merge(discs: &[&Disc], edge: f32) -> Disc {
         shown,
         squares: number(&|disc| disc.squares),
         front,
+        shading: mean(&|disc| disc.shading),
         deviation: off + gap * gap,
         over,
         contrast: 0.0,

@@ -5,7 +5,9 @@
 //! colours stay. A picture takes a cut through the tree: one node of each branch.
 
 mod build;
+mod columns;
 mod grid;
+mod kept;
 mod merge;
 mod rims;
 #[cfg(test)]
@@ -17,22 +19,31 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 
 use super::normalisation::LARGEST;
-use super::surfels::{Normalisation, Surfels};
+use super::surfels::{Material, Normalisation, Surfels};
+
+pub(super) use columns::TreeColumns;
+pub(super) use kept::{VERSION, fingerprint, keep};
 
 /// Cells of a node along each axis. The surfels of a cell with like fronts are merged into one.
 const CELLS: u32 = 8;
 /// Most surfels of a node that is not divided: on a surface, two for each cell.
 const FEW: usize = 2 * (CELLS * CELLS) as usize;
 
+/// Least change of the peaks of highlights, the mean of a cut as a share of white in linear light, for which surfels
+/// have materials of their own where the model has none: these cost time.
+const HIGHLIGHT: f32 = 0.02;
+
 /// The tree of a model.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Levels {
     /// The root first, and children behind their parent.
     nodes: Vec<Node>,
-    /// The surfels of all nodes that have children: those of a node one after the other.
+    /// The surfels of all nodes that have children: those of a node one after the other. Their origin is the model's.
     merged: Surfels,
     /// Area of the discs of the model below each of them, over its own.
     share: Vec<f32>,
+    /// How alike the shading normals of these are: the length of their mean, from 0 to 1.
+    alike: Vec<f32>,
 }
 
 /// A node of the tree.
@@ -80,11 +91,12 @@ impl Levels {
 
     /// Memory of the tree, bytes.
     pub(crate) fn bytes(&self) -> u64 {
-        self.merged.bytes() + (size_of_val(&*self.nodes) + size_of_val(&*self.share)) as u64
+        self.merged.bytes() + (size_of_val(&*self.nodes) + size_of_val(&*self.share) + size_of_val(&*self.alike)) as u64
     }
 
-    /// The surfels of the nodes `cut` of the tree of `model`, in their order.
-    pub(crate) fn gather(self: &Arc<Self>, model: &Arc<Surfels>, cut: &[u32]) -> Surfels {
+    /// The surfels of the nodes `cut` of the tree of `model`, in their order. They have materials where highlights
+    /// differ: those of the model, or `own` for all of it.
+    pub(crate) fn gather(self: &Arc<Self>, model: &Arc<Surfels>, cut: &[u32], own: Option<Material>) -> Surfels {
         let (levels, whole, nodes) = (Arc::clone(self), Arc::clone(model), cut.to_vec());
         let factors = move || levels.factors(&whole, &nodes);
         let vectors = |of: fn(&Surfels) -> &Vec<Vec3>| self.column(model, cut, of);
@@ -96,7 +108,7 @@ impl Levels {
             normal: vectors(|of| &of.normal),
             colour: vectors(|of| &of.colour),
             opacity: self.column(model, cut, |of| &of.opacity),
-            material: self.column(model, cut, |of| &of.material),
+            material: self.materials(model, cut, own),
             normalisation: Normalisation::later(factors),
             two_sided: model.two_sided,
             signs_estimated: model.signs_estimated,
@@ -118,6 +130,33 @@ impl Levels {
         column
     }
 
+    /// Materials of the surfels of some nodes: of the model, or `whole` for all of it. None where it has none and
+    /// merged surfels hardly change the highlights of `whole`.
+    fn materials(&self, model: &Surfels, cut: &[u32], whole: Option<Material>) -> Vec<Material> {
+        let whole = whole.or_else(|| model.material.is_empty().then(Material::default));
+        let nodes = || cut.iter().map(|&node| &self.nodes[node as usize]);
+        let merged = |node: &Node| &self.alike[node.surfels.start as usize..node.surfels.end as usize];
+        if let Some(whole) = whole {
+            let change = |alike: &f32| whole.specular - gloss(whole, *alike).specular;
+            let inner = nodes().filter(|node| !node.is_leaf());
+            let sum: f32 = inner.flat_map(|node| merged(node).iter().map(change)).sum();
+            if sum <= HIGHLIGHT * nodes().map(Node::len).sum::<usize>() as f32 {
+                return Vec::new();
+            }
+        }
+        let mut column = Vec::with_capacity(nodes().map(Node::len).sum());
+        for node in nodes() {
+            let surfels = node.surfels.start as usize..node.surfels.end as usize;
+            let own = |of: &Surfels, i: usize| whole.unwrap_or_else(|| of.material[i]);
+            if node.is_leaf() {
+                column.extend(surfels.map(|i| own(model, i)));
+            } else {
+                column.extend(surfels.map(|i| gloss(own(&self.merged, i), self.alike[i])));
+            }
+        }
+        column
+    }
+
     /// Factors that normalise the kernels of the surfels of some nodes. A merged surfel stands for the area of those
     /// below it, each of which counts as the mean of the model.
     fn factors(&self, model: &Surfels, cut: &[u32]) -> Vec<f32> {
@@ -133,4 +172,11 @@ impl Levels {
         }
         factors
     }
+}
+
+/// The material of a surfel in place of several whose shading normals have a mean of length `alike`. The highlight is
+/// wider and lower, with the same light in total (Toksvig 2005, for the reflected ray, which turns twice as far).
+fn gloss(of: Material, alike: f32) -> Material {
+    let shininess = of.shininess * alike / (alike + 4.0 * of.shininess * (1.0 - alike)).max(f32::MIN_POSITIVE);
+    Material { shininess, specular: of.specular * (1.0 + shininess) / (1.0 + of.shininess), ..of }
 }

@@ -4,6 +4,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use super::*;
 
@@ -62,7 +64,7 @@ fn leaves_are_the_model() {
     let model = Arc::new(ball(5000));
     let levels = tree(&model);
     let leaves = cuts(&levels).pop().unwrap();
-    let gathered = levels.gather(&model, &leaves);
+    let gathered = levels.gather(&model, &leaves, None);
     assert_eq!(gathered.position, model.position);
     assert_eq!(gathered.axis_u, model.axis_u);
     assert_eq!(gathered.normalisation(), model.normalisation());
@@ -110,7 +112,7 @@ fn every_level_is_a_surface_of_the_model() {
     let model = Arc::new(ball(20_000));
     let levels = tree(&model);
     for cut in cuts(&levels) {
-        let surfels = levels.gather(&model, &cut);
+        let surfels = levels.gather(&model, &cut, None);
         surfels.check().unwrap();
         assert!(surfels.normalisation().iter().all(|&factor| factor > 0.0 && factor <= LARGEST));
         for i in 0..surfels.len() {
@@ -134,7 +136,7 @@ fn no_level_has_holes() {
     let model = Arc::new(ball(20_000));
     let levels = tree(&model);
     for cut in cuts(&levels).into_iter().skip(2) {
-        let surfels = levels.gather(&model, &cut);
+        let surfels = levels.gather(&model, &cut, None);
         for point in ball(3000).position {
             let covers = |i: usize| {
                 let (u, v) = (surfels.axis_u[i], surfels.axis_v[i]);
@@ -163,7 +165,7 @@ fn thin_sheets_keep_both_sides() {
     let model = Arc::new(model);
     let levels = tree(&model);
     for cut in cuts(&levels) {
-        let surfels = levels.gather(&model, &cut);
+        let surfels = levels.gather(&model, &cut, None);
         for (normal, colour) in surfels.normal.iter().zip(&surfels.colour) {
             let want = if normal.z > 0.0 { Vec3::X } else { Vec3::Y };
             assert!((*colour - want).length() < 1e-6 && normal.z.abs() > 0.999, "{normal} {colour}");
@@ -175,6 +177,64 @@ fn thin_sheets_keep_both_sides() {
     let within = levels.nodes.iter().filter(within).filter(|node| node.corners[0].y > 5.0 && node.corners[1].y < 56.0);
     let most = within.map(|node| node.deviation / node.spacing).fold(f32::NAN, f32::max);
     assert!(most < 1e-2, "{most}");
+}
+
+/// A rough plate under a lamp mirrors a wide highlight on every level, as bright as that of all its surfels, and with
+/// the same light over all directions.
+#[test]
+fn highlights_keep_their_light() {
+    let mut model = of_fronts((0..4096).map(|i| (Vec3::new((i % 64) as f32, (i / 64) as f32, 0.0), Vec3::Z, 0.8)));
+    let mut random = Pcg64Mcg::seed_from_u64(11);
+    // Sums of six are nearly normal.
+    let mut noise = || (0..6).map(|_| random.random_range(-0.08_f32..0.08)).sum::<f32>();
+    for normal in &mut model.normal {
+        *normal = Vec3::new(noise(), noise(), 1.0).normalize();
+    }
+    let model = Arc::new(model);
+    let levels = tree(&model);
+    let whole = Material { ambient: 0.0, diffuse: 0.0, specular: 0.6, shininess: 40.0 };
+    let seen = |surfels: &Surfels, areas: &[f64], towards: DVec3| {
+        let of = |i: usize| {
+            let material = surfels.material.get(i).unwrap_or(&whole);
+            // The lamp is far above.
+            let mirrored = DVec3::Z.reflect(surfels.normal[i].as_dvec3()) * -1.0;
+            let lobe = mirrored.dot(towards).max(0.0).powf(material.shininess.into());
+            areas[i] * f64::from(material.specular) * lobe
+        };
+        (0..surfels.len()).map(of).sum::<f64>() / areas.iter().sum::<f64>()
+    };
+    let around = |height: f64| {
+        let across = (1.0 - height * height).sqrt();
+        (0..24).map(move |i| {
+            let angle = f64::from(i) * std::f64::consts::TAU / 24.0;
+            DVec3::new(across * angle.cos(), across * angle.sin(), height)
+        })
+    };
+    let all = vec![1.0; model.len()];
+    let cuts = cuts(&levels);
+    for cut in &cuts[..cuts.len() - 1] {
+        let surfels = levels.gather(&model, cut, Some(whole));
+        let nodes = cut.iter().map(|&node| &levels.nodes[node as usize]);
+        let areas = nodes.flat_map(|node| {
+            let shares = node.surfels.clone().map(|i| if node.is_leaf() { 1.0 } else { levels.share[i as usize] });
+            shares.collect::<Vec<f32>>()
+        });
+        let areas: Vec<f64> = areas.enumerate().map(|(i, share)| f64::from(share) * area(&surfels, i)).collect();
+        let ratio = |towards: &[DVec3]| {
+            let sum =
+                |surfels: &Surfels, areas: &[f64]| towards.iter().map(|&to| seen(surfels, areas, to)).sum::<f64>();
+            sum(&surfels, &areas) / sum(&model, &all)
+        };
+        let everywhere: Vec<DVec3> = (0..24).flat_map(|i| around((f64::from(i) + 0.5) / 24.0)).collect();
+        assert!((ratio(&everywhere) - 1.0).abs() < 0.01, "{}", ratio(&everywhere));
+        // No power of a cosine is just as wide.
+        assert!((ratio(&[DVec3::Z]) - 1.0).abs() < 0.15, "{}", ratio(&[DVec3::Z]));
+        let aside: Vec<DVec3> = around(0.9).collect();
+        assert!((ratio(&aside) - 1.0).abs() < 0.1, "{}", ratio(&aside));
+    }
+    // A smooth plate keeps the material of its object, for which no column is needed.
+    let smooth = Arc::new(Surfels { normal: vec![Vec3::Z; model.len()], ..(*model).clone() });
+    assert!(tree(&smooth).gather(&smooth, &cuts[0], Some(whole)).material.is_empty());
 }
 
 /// Stripes change across themselves, and noise in all directions of the plane.
@@ -286,6 +346,43 @@ fn what_has_no_levels() {
     assert!(Levels::of(&of_fronts((0..1000).map(|i| (Vec3::X * i as f32, Vec3::Z, 1e25)))).is_none());
 }
 
+/// A file brings the tree of its model along, and it is used until the model changes.
+#[test]
+fn a_file_keeps_the_tree() {
+    let mut model = ball(5000);
+    model.material = vec![Material { specular: 0.3, ..Material::default() }; model.len()];
+    model.opacity = vec![0.9; model.len()];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.bin");
+    crate::model::write_bin(&path, &model).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let parsed = crate::model::parse(&bytes, crate::model::ModelFormat::Bin).unwrap();
+    let crate::model::Parsed::Surfels(mut read) = parsed else { panic!("surfels") };
+    let made = Levels::of(&model).unwrap();
+    let kept = read.tree().unwrap();
+    assert!(Arc::ptr_eq(&kept, &read.tree().unwrap()), "it was made anew");
+    assert!((&kept.nodes, &kept.share, &kept.alike) == (&made.nodes, &made.share, &made.alike));
+    let (kept, made) = (&kept.merged, &made.merged);
+    assert!(kept.position == made.position && kept.axis_u == made.axis_u && kept.axis_v == made.axis_v);
+    assert!(kept.normal == made.normal && kept.colour == made.colour && kept.opacity == made.opacity);
+    assert!(kept.material == made.material);
+    for change in [
+        (|model| model.colour[7].x += 0.1) as fn(&mut Surfels),
+        |model| model.normal[9] = Vec3::X,
+        |model| model.material[9].shininess = 2.0,
+        |model| model.opacity[9] = 0.5,
+    ] {
+        change(&mut read);
+        let made = read.tree().unwrap();
+        assert!(!Arc::ptr_eq(&made, &read.tree().unwrap()), "a tree of other surfels was kept");
+    }
+    // What shows all its surfels has no tree in its file.
+    model.velocity = vec![Vec3::X; model.len()];
+    let moving = folder.path().join("moving.bin");
+    crate::model::write_bin(&moving, &model).unwrap();
+    assert!(!std::fs::read(&moving).unwrap().windows(10).any(|name| name == b"level_node"));
+}
+
 /// The tree does not depend on the number of threads.
 #[test]
 fn threads_change_nothing() {
@@ -318,10 +415,13 @@ proptest! {
             (Vec3::from(place), front, radius * (0.5 + number(i, 5)))
         });
         let model = Arc::new(of_fronts(discs));
-        if let Some(levels) = Levels::of(&model).map(Arc::new) {
+        // The largest of these discs are larger than a model may have.
+        if let (Some(levels), Ok(())) = (Levels::of(&model).map(Arc::new), model.check()) {
             for cut in cuts(&levels) {
-                prop_assert!(levels.gather(&model, &cut).check().is_ok());
+                prop_assert!(levels.gather(&model, &cut, None).check().is_ok());
             }
+            let back = Levels::from_columns(levels.columns(), levels.merged.clone(), model.len());
+            prop_assert!(back.is_ok_and(|back| back.nodes == levels.nodes));
         }
     }
 }

@@ -13,7 +13,7 @@ use super::spacing::Counted;
 use super::{Mesh, Texture};
 use super::{piles, raster};
 use crate::model::options::{MeshOptions, Spacing};
-use crate::model::surfels::{Normalisation, Surfels, VelocityUnit};
+use crate::model::surfels::{KeptLevels, Normalisation, Surfels, VelocityUnit};
 
 /// Surfels of a mesh where nothing else decides.
 const USUAL: f64 = 200_000.0;
@@ -238,6 +238,7 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels 
         acceleration: Vec::new(),
         velocity_unit: VelocityUnit::Second,
         normalisation: Normalisation::default(),
+        levels: KeptLevels::default(),
         two_sided: false,
         signs_estimated: false,
     }

@@ -283,7 +283,7 @@ impl<'a> Worker<'a> {
         let whole = task == Task::Whole;
         let size = if whole { view.look.size } else { level.size(view.look.size) };
         let scene = view.look.scene(known.scene(), known.of_model, size);
-        let options = view.look.quick(view.quality, level.samples, self.studio.memory());
+        let options = view.look.quick(&scene, view.quality, level.samples, self.studio.memory());
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let mut header = header(view, &scene, "both", self.studio.describe(), time);
         header.mode = options.quality.to_string();

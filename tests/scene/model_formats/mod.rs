@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "clippy knows #[test] functions, not their helpers")]
 
 mod bin;
+mod bin_levels;
 mod compressed_ply;
 mod files;
 mod glb;
