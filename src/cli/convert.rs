@@ -16,7 +16,7 @@ use super::values;
 ///
 /// Reads any model that a scene may name, estimates what is missing (normals, radii), and writes the result, so that
 /// later runs need not estimate again. The ending of OUT decides: .bin loads fastest and keeps the normalisation of
-/// overlapping kernels, .ply opens in other programs.
+/// overlapping kernels and the levels of detail, .ply opens in other programs. Points keep their order.
 ///
 /// A glTF file and an OUT that has no ending make a folder: scene.xml with one object for each node that has a mesh,
 /// moved as the file moves it, and a copy of the file.
@@ -84,17 +84,12 @@ impl Convert {
                 say(&format!("note: {note}"));
             }
         }
-        let count = surfels.len();
-        if binary {
-            // In this order the file holds levels of detail, too.
-            model::write_bin(&self.output, &surfels.spatially_ordered())?;
-        } else {
-            model::write_ply(&self.output, &surfels)?;
-        }
+        let write = if binary { model::write_bin } else { model::write_ply };
+        write(&self.output, &surfels)?;
         if self.quiet {
             return Ok(());
         }
-        print(&format!("{count} surfels: {}\n", self.output.display()))
+        print(&format!("{} surfels: {}\n", surfels.len(), self.output.display()))
     }
 }
 

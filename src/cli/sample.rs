@@ -92,12 +92,8 @@ impl Sample {
             bail!("{} is no mesh; sample takes a file with faces, and convert any other model", self.input.display());
         };
         let (count, two_sided) = (surfels.len(), surfels.two_sided);
-        if binary {
-            // In this order the file holds levels of detail, too.
-            model::write_bin(&self.output, &surfels.spatially_ordered())?;
-        } else {
-            model::write_ply(&self.output, &surfels)?;
-        }
+        let write = if binary { model::write_bin } else { model::write_ply };
+        write(&self.output, &surfels)?;
         if self.quiet {
             return Ok(());
         }

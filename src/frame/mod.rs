@@ -331,8 +331,12 @@ fn model_bytes(scene: &Scene) -> u64 {
     let behind = scene.panorama().map_or(0, |_| pictures * pixels * size_of::<[f32; 3]>() as u64);
     let captures = captures.iter().map(|capture| capture.bytes()).sum::<u64>();
     let paths: u64 = surfels().filter_map(SurfelModel::own_paths).map(|own| own.bytes()).sum();
-    let beside: u64 = surfels().map(SurfelModel::bytes_beside).sum();
-    models.iter().map(|model| model.bytes()).sum::<u64>() + beside + paths + captures + surroundings + behind
+    // Objects share them, too.
+    let mut wholes: Vec<_> = surfels().filter_map(SurfelModel::whole).collect();
+    wholes.sort_by_key(|whole| Arc::as_ptr(&whole.surfels));
+    wholes.dedup_by_key(|whole| Arc::as_ptr(&whole.surfels));
+    let wholes: u64 = wholes.iter().map(|whole| whole.bytes()).sum();
+    models.iter().map(|model| model.bytes()).sum::<u64>() + wholes + paths + captures + surroundings + behind
 }
 
 /// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear,

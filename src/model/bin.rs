@@ -209,7 +209,9 @@ fn levels(tree: Tree, surfels: &Surfels, places: &Places) -> Result<KeptLevels, 
 fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<(Surfels, Tree), Fault> {
     let (mut surfels, mut tree) = (Surfels::default(), Tree::default());
     let mut factors = Vec::new();
+    let has_tree = place_of(places, "level_of").is_some();
     let there = places.iter().zip(&COLUMNS).filter_map(|(place, column)| Some((place.clone()?, column)));
+    let there = there.filter(|(_, column)| has_tree || column.rows == Rows::Surfels);
     let mut there: Vec<(Range<usize>, &Known)> = there.collect();
     there.sort_by_key(|(place, _)| place.start);
     for (place, column) in there {
@@ -360,13 +362,15 @@ fn directory<R: Read>(header: &[u8], bytes: &mut Stream<R>, count: u64) -> Resul
     Ok(places)
 }
 
+/// Where the column `name` lies, if there is one.
+fn place_of<'a>(places: &'a Places, name: &str) -> Option<&'a Range<usize>> {
+    let column = COLUMNS.iter().position(|known| known.name == name)?;
+    places[column].as_ref()
+}
+
 /// Checks that there are all columns of levels or none, and that they have as many rows as they should.
 fn check_levels(places: &Places) -> Result<(), ParseError> {
-    let place = |name: &str| {
-        let column = COLUMNS.iter().position(|known| known.name == name)?;
-        places[column].as_ref()
-    };
-    if place("level_of").is_none() {
+    if place_of(places, "level_of").is_none() {
         return Ok(());
     }
     let rows = |kind: Rows| {
@@ -377,12 +381,16 @@ fn check_levels(places: &Places) -> Result<(), ParseError> {
         // Merged surfels have these where the model does.
         let of_model = column.name.strip_prefix("level_").filter(|name| ["material", "opacity"].contains(name));
         let Some(own) = own else {
-            if of_model.is_some_and(|name| place(name).is_none()) {
+            if of_model.is_some_and(|name| place_of(places, name).is_none()) {
                 continue;
             }
             let found = format!("no column `{}`", column.name);
             return Err(ParseError::byte(HEADER, found, "all columns of levels, or no `level_of`"));
         };
+        if of_model.is_some_and(|name| place_of(places, name).is_none()) {
+            let found = format!("a column `{}`", column.name);
+            return Err(ParseError::byte(own.start, found, "none, where the model has none"));
+        }
         let expected = rows(column.rows);
         if own.len() != expected * column.row() {
             let found = format!("{} rows of `{}`", own.len() / column.row(), column.name);
@@ -423,9 +431,13 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     store::check_columns(surfels)?;
     // What shows all its surfels at all distances needs no tree.
     let shows_all = !surfels.paths().is_empty() || surfels.tolerance() < surfels.median_radius();
-    let levels = if shows_all { None } else { surfels.tree() };
+    // A renderer puts the surfels in this order, whatever that of the file, which says which points are the same.
+    let ordered = if shows_all { None } else { Some(surfels.clone().spatially_ordered()) };
+    let levels = ordered.as_ref().and_then(Surfels::tree);
+    let of = ordered.as_ref().map_or(0, fingerprint);
+    drop(ordered);
     let tree = levels.as_ref().map(|levels| WrittenTree {
-        of: [LEVELS_VERSION, fingerprint(surfels).into()],
+        of: [LEVELS_VERSION, of.into()],
         columns: levels.columns(),
         merged: levels.merged(),
     });

@@ -13,7 +13,7 @@ use super::error::{ModelError, ParseError};
 use super::format::ModelFormat;
 use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
-use super::surfels::{Normalisation, Surfels};
+use super::surfels::{KeptLevels, Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
 use super::{bin, inward, obj, ply, sfl, tidy, xyz};
 use crate::files;
@@ -450,8 +450,10 @@ fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
         surfels.axis_u.iter_mut().chain(&mut surfels.axis_v).for_each(|axis| *axis *= scale);
         // Larger discs overlap more.
         surfels.normalisation = Normalisation::default();
+        surfels.levels = KeptLevels::default();
     }
     if options.colour_space == Some(ColourSpace::Srgb) {
+        surfels.levels = KeptLevels::default();
         for c in &mut surfels.colour {
             *c = Vec3::from_array(c.to_array().map(srgb::to_linear));
         }

@@ -124,12 +124,12 @@ impl KeptLevels {
     }
 
     /// Is there one?
-    pub(crate) fn is_some(&self) -> bool {
+    pub fn is_some(&self) -> bool {
         self.0.is_some()
     }
 
     /// Memory of the tree, bytes.
-    pub(crate) fn bytes(&self) -> u64 {
+    fn bytes(&self) -> u64 {
         self.0.as_ref().map_or(0, |tree| tree.bytes())
     }
 }
@@ -227,7 +227,7 @@ impl Surfels {
         flaw::each("acceleration", &self.acceleration, flaw::is_place, flaw::PLACE)
     }
 
-    /// Memory of the columns, bytes. Levels of detail are not among them.
+    /// Memory of the columns and of levels that a file brought along, bytes.
     pub fn bytes(&self) -> u64 {
         let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour];
         let vectors = vectors.into_iter().chain([&self.velocity, &self.acceleration]);
@@ -235,7 +235,8 @@ impl Surfels {
         let factors = self.normalisation.known().unwrap_or_default();
         let of_opacity = size_of_val(self.opacity.as_slice());
         let of_id = size_of_val(self.id.as_slice());
-        (vectors + of_id + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
+        let columns = vectors + of_id + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors);
+        columns as u64 + self.levels.bytes()
     }
 
     /// Cut-off radius of surfel `i`: the length of the longer axis.

@@ -29,8 +29,8 @@ pub struct SurfelModel {
     rates: [Bounds; 3],
     mesh: Option<Arc<Mesh>>,
     levels: Arc<LevelsOnce>,
-    /// Bytes that are kept beside the surfels.
-    beside: u64,
+    /// All surfels, where these are a cut through their levels.
+    whole: Option<Whole>,
     /// A fault in the columns that a program made: the model cannot be rendered.
     pub(super) flaw: Option<Arc<Invalid>>,
 }
@@ -41,6 +41,21 @@ struct LevelsOnce {
     tree: OnceLock<Option<Arc<Levels>>>,
     /// The last cut: what does not move has the same in each frame, and is uploaded once.
     last: Mutex<Option<LastCut>>,
+}
+
+/// The model that a cut is of.
+#[derive(Clone, Debug)]
+pub(crate) struct Whole {
+    pub(crate) surfels: Arc<Surfels>,
+    /// Memory of its levels beside it, bytes.
+    levels_bytes: u64,
+}
+
+impl Whole {
+    /// Memory, bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.surfels.bytes() + self.levels_bytes
+    }
 }
 
 #[derive(Debug)]
@@ -87,7 +102,7 @@ impl SurfelModel {
             rates: Default::default(),
             mesh: None,
             levels: Arc::default(),
-            beside: 0,
+            whole: None,
             flaw,
         }
     }
@@ -97,8 +112,7 @@ impl SurfelModel {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
         let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
         let tolerance = surfels.tolerance();
-        let beside = surfels.levels.bytes();
-        Self { median_radius, tolerance, least_opacity, bounds, rates, beside, ..Self::bare(surfels, None) }
+        Self { median_radius, tolerance, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
     }
 
     /// The same surfels, which were sampled from a mesh. They are a surface for all its edges and thin parts.
@@ -116,9 +130,8 @@ impl SurfelModel {
     /// materials where the model does, and where merged ones change the highlights of `material`, the whole object's.
     pub(super) fn cut(&self, material: Option<Material>, choose: impl FnOnce(&Levels) -> Vec<u32>) -> Option<Self> {
         // Loose discs are no surface, and merge to none. Those that move by themselves leave their neighbours. A file
-        // of a sequence shows in a frame or two, which is not worth a tree unless the file brought one along.
-        let is_passing = self.piece.is_some() && !self.surfels.levels.is_some();
-        if self.tolerance < self.median_radius || !self.paths().is_empty() || is_passing {
+        // of a sequence shows in a frame or two, which a tree is not worth.
+        if self.tolerance < self.median_radius || !self.paths().is_empty() || self.piece.is_some() {
             return None;
         }
         // No lock is held while they are built: a thread that waits for its parallel parts may take up a task that asks
@@ -142,14 +155,15 @@ impl SurfelModel {
                 surfels
             }
         };
-        let beside = self.surfels.bytes() + levels.bytes().max(self.beside);
-        Some(Self { surfels, beside, levels: Arc::new(LevelsOnce::none()), ..self.clone() })
+        // A tree that a file brought along counts with the surfels.
+        let levels_bytes = if self.surfels.keeps(levels) { 0 } else { levels.bytes() };
+        let whole = Some(Whole { surfels: Arc::clone(&self.surfels), levels_bytes });
+        Some(Self { surfels, whole, levels: Arc::new(LevelsOnce::none()), ..self.clone() })
     }
 
-    /// Memory of what is kept beside the surfels: levels that a file brought along; all of the model and its levels,
-    /// where these surfels are a cut through them.
-    pub(crate) fn bytes_beside(&self) -> u64 {
-        self.beside
+    /// All surfels, where these are a cut through their levels.
+    pub(crate) fn whole(&self) -> Option<&Whole> {
+        self.whole.as_ref()
     }
 
     /// The shared surfels.

@@ -316,6 +316,7 @@ fn model(s: &Surfels) -> Value {
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));
     properties.extend((!s.acceleration.is_empty()).then_some("acceleration"));
+    properties.extend(s.levels.is_some().then_some("levels of detail"));
     let sides = match (s.two_sided, s.signs_estimated) {
         (false, false) => "fronts show",
         (false, true) => "fronts show (normals estimated, closed)",

@@ -99,7 +99,7 @@ impl Levels {
 }
 
 /// Surfels and children of each node. Each node but the first has one parent, before it; the leaves hold each surfel of
-/// the model once, in its order, and the other nodes each of the merged ones at most once.
+/// the model once, in its order, and the other nodes no more than the merged ones.
 fn ranges(rows: &[[i64; 4]], merged: usize, count: usize) -> Result<Vec<[Range<u32>; 2]>, Wrong> {
     let wrong = |row, expected| Wrong { column: "node", row, expected };
     let mut ranges = Vec::with_capacity(rows.len());
@@ -109,8 +109,8 @@ fn ranges(rows: &[[i64; 4]], merged: usize, count: usize) -> Result<Vec<[Range<u
         let [Some(first), Some(end), Some(child), Some(last)] = numbers else {
             return Err(wrong(row, "numbers from 0 to 4294967295"));
         };
-        if first > end || child > last {
-            return Err(wrong(row, "ranges that do not end before they begin"));
+        if first >= end || child > last {
+            return Err(wrong(row, "one surfel at least, and no range that ends before it begins"));
         }
         if child < last {
             if child as usize != next || child as usize <= row || last as usize > rows.len() {

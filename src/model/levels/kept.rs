@@ -42,6 +42,11 @@ impl Surfels {
             _ => Levels::of(self).map(Arc::new),
         }
     }
+
+    /// Is `tree` the one that a file brought along?
+    pub(crate) fn keeps(&self, tree: &Arc<Levels>) -> bool {
+        self.levels.tree::<KeptTree>().is_some_and(|kept| Arc::ptr_eq(&kept.tree, tree))
+    }
 }
 
 /// CRC-32 of all columns that a tree depends on.

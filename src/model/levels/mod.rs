@@ -177,6 +177,10 @@ impl Levels {
 /// The material of a surfel in place of several whose shading normals have a mean of length `alike`. The highlight is
 /// wider and lower, with the same light in total (Toksvig 2005, for the reflected ray, which turns twice as far).
 fn gloss(of: Material, alike: f32) -> Material {
-    let shininess = of.shininess * alike / (alike + 4.0 * of.shininess * (1.0 - alike)).max(f32::MIN_POSITIVE);
+    if of.shininess <= 0.0 {
+        return of;
+    }
+    // Each number may be as large as a float can be.
+    let shininess = (alike / (alike / of.shininess + 4.0 * (1.0 - alike))).min(of.shininess);
     Material { shininess, specular: of.specular * (1.0 + shininess) / (1.0 + of.shininess), ..of }
 }

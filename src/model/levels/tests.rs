@@ -232,6 +232,11 @@ fn highlights_keep_their_light() {
         let aside: Vec<DVec3> = around(0.9).collect();
         assert!((ratio(&aside) - 1.0).abs() < 0.1, "{}", ratio(&aside));
     }
+    // Numbers as large as floats can be stay finite.
+    let extreme = Material { shininess: f32::MAX, ..whole };
+    for alike in [0.0, 1e-30, 0.5, 1.0] {
+        assert!(gloss(extreme, alike).is_valid() && gloss(Material { shininess: 0.0, ..whole }, alike).is_valid());
+    }
     // A smooth plate keeps the material of its object, for which no column is needed.
     let smooth = Arc::new(Surfels { normal: vec![Vec3::Z; model.len()], ..(*model).clone() });
     assert!(tree(&smooth).gather(&smooth, &cuts[0], Some(whole)).material.is_empty());
@@ -354,10 +359,17 @@ fn a_file_keeps_the_tree() {
     model.opacity = vec![0.9; model.len()];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.bin");
-    crate::model::write_bin(&path, &model).unwrap();
+    // The file has another order than a renderer.
+    let mut other = model.clone();
+    for column in [&mut other.position, &mut other.axis_u, &mut other.axis_v, &mut other.normal, &mut other.colour] {
+        column.reverse();
+    }
+    crate::model::write_bin(&path, &other).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let parsed = crate::model::parse(&bytes, crate::model::ModelFormat::Bin).unwrap();
-    let crate::model::Parsed::Surfels(mut read) = parsed else { panic!("surfels") };
+    let crate::model::Parsed::Surfels(read) = parsed else { panic!("surfels") };
+    assert_eq!(read.position, other.position);
+    let mut read = read.spatially_ordered();
     let made = Levels::of(&model).unwrap();
     let kept = read.tree().unwrap();
     assert!(Arc::ptr_eq(&kept, &read.tree().unwrap()), "it was made anew");
