@@ -88,12 +88,11 @@ impl Sample {
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
         let seconds = begin.elapsed().as_secs_f64();
         drop(progress);
-        let LoadedShape::Surfels(surfels, Some(mesh)) = loaded.shape else {
+        let LoadedShape::Surfels(surfels, Some(mesh)) = &loaded.shape else {
             bail!("{} is no mesh; sample takes a file with faces, and convert any other model", self.input.display());
         };
-        let (count, two_sided) = (surfels.len(), surfels.two_sided);
         let write = if binary { model::write_bin } else { model::write_ply };
-        write(&self.output, &surfels)?;
+        write(&self.output, surfels)?;
         if self.quiet {
             return Ok(());
         }
@@ -102,12 +101,12 @@ impl Sample {
         if stderr().is_terminal() {
             say(&format!("read and sampled in {seconds:.2} s"));
         }
-        let (triangles, spacing) = (mesh.triangles(), mesh.spacing());
+        let (triangles, count, spacing) = (mesh.triangles(), surfels.len(), mesh.spacing());
         if self.json {
             let out = self.output.to_string_lossy();
             return print_json(&json!({
                 "triangles": triangles, "surfels": count, "spacing": spacing, "reduced": !self.rays.all,
-                "two_sided": two_sided, "out": out,
+                "two_sided": surfels.two_sided, "out": out,
             }));
         }
         print(&format!("{count} surfels of {triangles} triangles, spacing {spacing:.4e}: {}\n", self.output.display()))

@@ -1,5 +1,5 @@
 //! Our own binary format: complete surfels in columns, exact and fast to load. docs/bin-format.md describes it byte by
-//! byte. It is long because it reads two versions of the format.
+//! byte.
 
 use std::collections::BTreeSet;
 use std::io::{self, Read, Seek as _, Write};
@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
+use super::bin_columns::{COLUMNS, HEADER, Known, Places, Rows, byte_of, check_columns, check_levels, place_of};
 use super::bin_stream::{Fault, Stream};
 use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
@@ -15,21 +16,17 @@ use super::levels::{Levels, TreeColumns, VERSION as LEVELS_VERSION, fingerprint,
 use super::normalisation::LARGEST;
 use super::store;
 use super::surfels::{KeptLevels, Material, Surfels, VelocityUnit};
-use super::tidy::{MAX_COORDINATE, usable};
+use super::tidy::MAX_COORDINATE;
 use crate::files::Input;
 
 /// The version that is written. The first one is read too.
 const VERSION: u32 = 2;
-const HEADER: usize = 64;
 const CRC_AT: usize = 48;
 /// Offset of the number of columns in version 2.
 const COLUMNS_AT: usize = 52;
 /// Bytes of a column's entry in the directory: name, type, components, offset, length.
 const ENTRY: usize = 48;
 const NAME: usize = 24;
-/// The types of 32-bit floats, and of 64-bit whole numbers with a sign.
-const F32: u32 = 1;
-const I64: u32 = 2;
 // The first version has bits for columns, where the second one has a directory.
 const HAS_MATERIAL: u32 = 1;
 const HAS_VELOCITY: u32 = 2;
@@ -37,70 +34,6 @@ const TWO_SIDED: u32 = 4;
 const SIGNS_ESTIMATED: u32 = 8;
 /// Flag of version 2: velocities are per second and not per frame.
 const PER_SECOND: u32 = 16;
-
-/// A column that this version knows.
-struct Known {
-    name: &'static str,
-    kind: u32,
-    /// Numbers of a row.
-    components: usize,
-    required: bool,
-    rows: Rows,
-}
-
-/// What a column has rows for.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Rows {
-    /// Each surfel of the model.
-    Surfels,
-    /// The whole tree of levels of detail: there is one row.
-    Tree,
-    /// Each node of the tree.
-    Nodes,
-    /// Each merged surfel of the tree.
-    Merged,
-}
-
-const fn known(name: &'static str, components: usize, required: bool) -> Known {
-    Known { name, kind: F32, components, required, rows: Rows::Surfels }
-}
-
-const fn of_levels(name: &'static str, kind: u32, components: usize, rows: Rows) -> Known {
-    Known { name, kind, components, required: false, rows }
-}
-
-/// The columns in the order in which they are written. The first version has the first seven.
-const COLUMNS: [Known; 26] = [
-    known("position", 3, true),
-    known("axis_u", 3, true),
-    known("axis_v", 3, true),
-    known("normal", 3, true),
-    known("colour", 3, true),
-    known("material", 4, false),
-    known("velocity", 3, false),
-    known("normalisation", 1, false),
-    known("opacity", 1, false),
-    known("acceleration", 3, false),
-    Known { name: "id", kind: I64, components: 1, required: false, rows: Rows::Surfels },
-    of_levels("level_of", I64, 2, Rows::Tree),
-    of_levels("level_node", I64, 4, Rows::Nodes),
-    of_levels("level_box", F32, 6, Rows::Nodes),
-    of_levels("level_axis", F32, 3, Rows::Nodes),
-    of_levels("level_errors", F32, 4, Rows::Nodes),
-    of_levels("level_along", F32, 6, Rows::Nodes),
-    of_levels("level_position", F32, 3, Rows::Merged),
-    of_levels("level_axis_u", F32, 3, Rows::Merged),
-    of_levels("level_axis_v", F32, 3, Rows::Merged),
-    of_levels("level_normal", F32, 3, Rows::Merged),
-    of_levels("level_colour", F32, 3, Rows::Merged),
-    of_levels("level_share", F32, 1, Rows::Merged),
-    of_levels("level_alike", F32, 1, Rows::Merged),
-    of_levels("level_material", F32, 4, Rows::Merged),
-    of_levels("level_opacity", F32, 1, Rows::Merged),
-];
-
-/// Where each column of [`COLUMNS`] lies in the file.
-type Places = [Option<Range<usize>>; COLUMNS.len()];
 
 /// True if a file begins as ours does. The next byte to be read is its first one.
 pub(super) fn is_at(input: &mut Input) -> io::Result<bool> {
@@ -181,7 +114,7 @@ pub(super) fn read(from: impl Read, size: u64) -> Result<Surfels, Fault> {
 
 /// The columns of levels of detail, as they were read.
 #[derive(Default)]
-struct Tree {
+struct ReadTree {
     /// Version of its rules, and fingerprint of the surfels.
     of: Vec<[i64; 2]>,
     columns: TreeColumns,
@@ -189,8 +122,8 @@ struct Tree {
 }
 
 /// The tree of levels of a file, if it has one, and it is of the version and the surfels that this program has.
-fn levels(tree: Tree, surfels: &Surfels, places: &Places) -> Result<KeptLevels, ParseError> {
-    let Tree { of, columns, merged } = tree;
+fn levels(tree: ReadTree, surfels: &Surfels, places: &Places) -> Result<KeptLevels, ParseError> {
+    let ReadTree { of, columns, merged } = tree;
     let Some(&[version, of]) = of.first() else { return Ok(KeptLevels::default()) };
     let Some(of) = u32::try_from(of).ok().filter(|_| version == LEVELS_VERSION) else {
         return Ok(KeptLevels::default());
@@ -206,8 +139,8 @@ fn levels(tree: Tree, surfels: &Surfels, places: &Places) -> Result<KeptLevels, 
 }
 
 /// The columns of a file, whose next byte is the first behind its directory.
-fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<(Surfels, Tree), Fault> {
-    let (mut surfels, mut tree) = (Surfels::default(), Tree::default());
+fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<(Surfels, ReadTree), Fault> {
+    let (mut surfels, mut tree) = (Surfels::default(), ReadTree::default());
     let mut factors = Vec::new();
     let has_tree = place_of(places, "level_of").is_some();
     let there = places.iter().zip(&COLUMNS).filter_map(|(place, column)| Some((place.clone()?, column)));
@@ -362,44 +295,6 @@ fn directory<R: Read>(header: &[u8], bytes: &mut Stream<R>, count: u64) -> Resul
     Ok(places)
 }
 
-/// Where the column `name` lies, if there is one.
-fn place_of<'a>(places: &'a Places, name: &str) -> Option<&'a Range<usize>> {
-    let column = COLUMNS.iter().position(|known| known.name == name)?;
-    places[column].as_ref()
-}
-
-/// Checks that there are all columns of levels or none, and that they have as many rows as they should.
-fn check_levels(places: &Places) -> Result<(), ParseError> {
-    if place_of(places, "level_of").is_none() {
-        return Ok(());
-    }
-    let rows = |kind: Rows| {
-        let first = COLUMNS.iter().position(|known| known.rows == kind);
-        first.map_or(0, |column| places[column].as_ref().map_or(0, |place| place.len() / COLUMNS[column].row()))
-    };
-    for (column, own) in COLUMNS.iter().zip(places).filter(|(column, _)| column.name.starts_with("level_")) {
-        // Merged surfels have these where the model does.
-        let of_model = column.name.strip_prefix("level_").filter(|name| ["material", "opacity"].contains(name));
-        let Some(own) = own else {
-            if of_model.is_some_and(|name| place_of(places, name).is_none()) {
-                continue;
-            }
-            let found = format!("no column `{}`", column.name);
-            return Err(ParseError::byte(HEADER, found, "all columns of levels, or no `level_of`"));
-        };
-        if of_model.is_some_and(|name| place_of(places, name).is_none()) {
-            let found = format!("a column `{}`", column.name);
-            return Err(ParseError::byte(own.start, found, "none, where the model has none"));
-        }
-        let expected = rows(column.rows);
-        if own.len() != expected * column.row() {
-            let found = format!("{} rows of `{}`", own.len() / column.row(), column.name);
-            return Err(ParseError::byte(own.start, found, format!("{expected}, as others have")));
-        }
-    }
-    Ok(())
-}
-
 /// The name in an entry; `None` if it is empty or has other characters.
 fn name(raw: &[u8; NAME]) -> Option<&str> {
     let length = raw.iter().position(|&b| b == 0).unwrap_or(NAME);
@@ -409,19 +304,6 @@ fn name(raw: &[u8; NAME]) -> Option<&str> {
     if fits { std::str::from_utf8(name).ok() } else { None }
 }
 
-impl Known {
-    /// Bytes of a row.
-    const fn row(&self) -> usize {
-        let each = if self.kind == I64 { 8 } else { 4 };
-        each * self.components
-    }
-
-    /// Bytes of a column; `None` if they need more than 64 bits.
-    fn length(&self, count: u64) -> Option<u64> {
-        count.checked_mul(self.row() as u64)
-    }
-}
-
 /// Writes surfels so that [`super::load()`] gives back the same bits. The normalisation of the kernels is computed
 /// unless it is known, and written too.
 ///
@@ -429,10 +311,10 @@ impl Known {
 /// The file cannot be written (then no part of it is left), or the arrays differ in length.
 pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     store::check_columns(surfels)?;
-    // What shows all its surfels at all distances needs no tree.
-    let shows_all = !surfels.paths().is_empty() || surfels.tolerance() < surfels.median_radius();
-    // A renderer puts the surfels in this order, whatever that of the file, which says which points are the same.
-    let ordered = if shows_all { None } else { Some(surfels.clone().spatially_ordered()) };
+    // A renderer puts the surfels in this order, whatever that of the file, which says which points are the same. What
+    // shows all its surfels at all distances needs no tree: what moves by itself, and loose discs.
+    let ordered = surfels.paths().is_empty().then(|| surfels.clone().spatially_ordered());
+    let ordered = ordered.filter(|ordered| ordered.tolerance() >= ordered.median_radius());
     let levels = ordered.as_ref().and_then(Surfels::tree);
     let of = ordered.as_ref().map_or(0, fingerprint);
     drop(ordered);
@@ -620,40 +502,6 @@ fn material([ambient, diffuse, specular, shininess]: [f32; 4]) -> Material {
     Material { ambient, diffuse, specular, shininess }
 }
 
-/// Checks what every other part relies on, in columns whose names begin with `prefix`. A checksum guards against
-/// accidents, not against programs that write nonsense.
-fn check_columns(prefix: &str, s: &Surfels, places: &Places) -> Result<(), ParseError> {
-    let finite = |v: &Vec3| f64::from(v.abs().max_element()) <= MAX_COORDINATE && v.is_finite();
-    let unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-4;
-    let sane =
-        |m: &Material| [m.ambient, m.diffuse, m.specular, m.shininess].iter().all(|x| x.is_finite() && *x >= 0.0);
-    let axes = s.axis_u.iter().zip(&s.axis_v);
-    let faults = [
-        ("position", "position", s.position.iter().position(|v| !finite(v))),
-        ("axis_u", "pair of axes", axes.into_iter().position(|(u, v)| !usable(*u, *v))),
-        ("normal", "normal", s.normal.iter().position(|n| !unit(n))),
-        ("colour", "colour", s.colour.iter().position(|c| !c.is_finite())),
-        ("material", "material", s.material.iter().position(|m| !sane(m))),
-        ("velocity", "velocity", s.velocity.iter().position(|v| !finite(v))),
-        ("opacity", "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
-        ("acceleration", "acceleration", s.acceleration.iter().position(|v| !finite(v))),
-    ];
-    let Some((column, what, i)) = faults.into_iter().find_map(|(column, what, fault)| Some((column, what, fault?)))
-    else {
-        return Ok(());
-    };
-    let expected = "finite numbers, axes that span a plane, unit normals, coefficients of at least 0, \
-                    opacities from 0 to 1";
-    let name = format!("{prefix}{column}");
-    let found = if prefix.is_empty() {
-        format!("an unusable {what} at surfel {i}")
-    } else {
-        format!("an unusable {what} at row {i} of `{name}`")
-    };
-    let column = COLUMNS.iter().position(|known| known.name == name).unwrap_or_default();
-    Err(ParseError::byte(byte_of(places, column, i), found, expected))
-}
-
 /// Checks that factors are in the range that [`Surfels::normalisation`] gives.
 fn check_factors(factors: &[f32], places: &Places) -> Result<(), ParseError> {
     match factors.iter().position(|&factor| !(factor > 0.0 && factor <= LARGEST)) {
@@ -663,10 +511,4 @@ fn check_factors(factors: &[f32], places: &Places) -> Result<(), ParseError> {
         }
         None => Ok(()),
     }
-}
-
-/// The byte at which row `i` of a column begins.
-fn byte_of(places: &Places, column: usize, i: usize) -> usize {
-    let start = places[column].as_ref().map_or(HEADER, |place| place.start);
-    start + COLUMNS[column].row() * i
 }

@@ -8,6 +8,7 @@
 
 mod area_normals;
 mod bin;
+mod bin_columns;
 mod bin_stream;
 mod builder;
 mod capture;

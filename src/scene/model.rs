@@ -58,6 +58,7 @@ impl Whole {
     }
 }
 
+/// The cut of the picture before, and the material of the whole object that it was for.
 #[derive(Debug)]
 struct LastCut {
     nodes: Vec<u32>,
