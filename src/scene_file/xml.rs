@@ -168,7 +168,8 @@ impl Tree<'_> {
             if attributes.len() == MOST_ATTRIBUTES {
                 return Err(self.syntax(at, "more attributes", format!("at most {MOST_ATTRIBUTES} on one element")));
             }
-            if attributes.iter().any(|a| a.name == name) {
+            let own = spelled(name);
+            if attributes.iter().any(|a| a.name == own) {
                 return Err(self.syntax(at, format!("a second attribute {}", quoted(name)), "each at most once"));
             }
             if attribute.value.contains('<') {
@@ -182,7 +183,7 @@ impl Tree<'_> {
                 }
                 Err(_) => return Err(self.entity(at, &attribute.value)),
             };
-            attributes.push(Attribute { name: name.to_owned(), value, at });
+            attributes.push(Attribute { name: own, value, at });
         }
         self.parts += 1 + attributes.len();
         if self.parts > MOST_PARTS {
@@ -300,4 +301,11 @@ fn reference(name: &quick_xml::events::BytesRef<'_>) -> Option<char> {
         "apos" => Some('\''),
         _ => name.resolve_char_ref().ok().flatten().filter(|&c| is_xml(c)),
     }
+}
+
+/// The name of an attribute in the spelling of the schema. American spellings are taken, too.
+fn spelled(name: &str) -> String {
+    [("color", "colour"), ("Color", "Colour"), ("center", "centre"), ("gray", "grey")]
+        .iter()
+        .fold(name.to_owned(), |name, (american, british)| name.replace(american, british))
 }

@@ -169,6 +169,8 @@ fn bad_files_are_refused_in_one_line() {
     assert!(refused(&["convert", &path("a.ply"), &path("a.ply")]).contains("both IN and OUT"));
     assert!(refused(&["convert", &path("a.ply"), &path("b.ply")]).contains("--force"));
     assert!(refused(&["convert", &path("a.ply"), &path("c.bin"), "--radius-scale", "-1"]).contains("1e-6 to 1e6"));
+    // American spellings are taken, too.
+    assert!(refused(&["convert", &path("a.ply"), &path("c.bin"), "--color-space", "x"]).contains("srgb"));
     assert!(refused(&["info", &path("a.ply"), "--radius-scale", "1e300"]).contains("1e-6 to 1e6"));
     assert_eq!(names(dir.path()), ["a.ply", "b.ply"]);
 }

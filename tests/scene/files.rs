@@ -711,6 +711,10 @@ fn xml_is_checked() {
         "scene.xml:1:25: a second attribute `width`, expected each at most once",
     );
     refused(
+        "<scene><light type='ambient' colour='1 1 1' color='1 1 1'/></scene>",
+        "scene.xml:1:45: a second attribute `color`, expected each at most once",
+    );
+    refused(
         "<scene><image width=1/></scene>",
         "scene.xml:1:21: an attribute value without quotes, expected name=\"value\"",
     );
@@ -934,6 +938,14 @@ fn an_animated_camera_is_rigid() {
     // Turned by 90 degrees about y, -z looks along -x; a point 2 ahead and 1 above the eye at (5, 0, 0).
     let p = camera_from_world.transform_point3(DVec3::new(3.0, 1.0, 0.0));
     assert!((p - DVec3::new(0.0, 1.0, -2.0)).length() < 1e-12, "{p}");
+}
+
+#[test]
+fn american_spellings_are_taken() {
+    let british = "<scene><light type='ambient' colour='0.1 0.2 0.3'/><object><sphere radius='1' colour='1 0 0'/>\
+                   <motion type='rotation' axis='0 1 0' degreesPerFrame='3' centre='1 2 3'/></object></scene>";
+    let american = british.replace("colour", "color").replace("centre", "center");
+    assert_eq!(to_xml(&loaded(american).scene, Path::new("")), to_xml(&loaded(british).scene, Path::new("")));
 }
 
 #[test]

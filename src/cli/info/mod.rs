@@ -66,7 +66,7 @@ pub(super) struct Info {
     #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = values::radius_scale)]
     radius_scale: f64,
     /// Model: colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
-    #[arg(long, value_name = "SPACE", value_parser = values::colour_space())]
+    #[arg(long, alias = "color-space", value_name = "SPACE", value_parser = values::colour_space())]
     colour_space: Option<model::ColourSpace>,
     /// Scene: report unknown words instead of refusing them.
     #[arg(long)]
