@@ -177,6 +177,10 @@ fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<(Surfels, 
             "level_alike" => bytes.floats::<1, 4, _>(&place, &mut levels.alike, |[alike]| alike)?,
             "level_material" => bytes.floats::<4, 16, _>(&place, &mut merged.material, material)?,
             "level_opacity" => bytes.floats::<1, 4, _>(&place, &mut merged.opacity, |[opacity]| opacity)?,
+            "level_velocity" => bytes.vectors(&place, &mut merged.velocity)?,
+            "level_acceleration" => bytes.vectors(&place, &mut merged.acceleration)?,
+            "level_velocities" => bytes.floats::<10, 40, _>(&place, &mut levels.rates[0], |row| row)?,
+            "level_accelerations" => bytes.floats::<10, 40, _>(&place, &mut levels.rates[1], |row| row)?,
             // A column that this version knows, and does not keep.
             _ => bytes.skip_to(place.end as u64)?,
         }
@@ -312,11 +316,10 @@ fn name(raw: &[u8; NAME]) -> Option<&str> {
 pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     store::check_columns(surfels)?;
     // A renderer puts the surfels in this order, whatever that of the file, which says which points are the same. What
-    // shows all its surfels at all distances needs no tree: what moves by itself, and loose discs.
-    let ordered = surfels.paths().is_empty().then(|| surfels.clone().spatially_ordered());
-    let ordered = ordered.filter(|ordered| ordered.tolerance() >= ordered.median_radius());
-    let levels = ordered.as_ref().and_then(Surfels::tree);
-    let of = ordered.as_ref().map_or(0, fingerprint);
+    // shows all its surfels at all distances needs no tree: loose discs.
+    let ordered = surfels.clone().spatially_ordered();
+    let levels = if ordered.tolerance() >= ordered.median_radius() { ordered.tree() } else { None };
+    let of = if levels.is_some() { fingerprint(&ordered) } else { 0 };
     drop(ordered);
     let tree = levels.as_ref().map(|levels| WrittenTree {
         of: [LEVELS_VERSION, of.into()],
@@ -416,6 +419,10 @@ impl<'a> Column<'a> {
                 Values::Numbers(&columns.alike),
                 Values::Materials(&merged.material),
                 Values::Numbers(&merged.opacity),
+                Values::Vectors(&merged.velocity),
+                Values::Vectors(&merged.acceleration),
+                Values::Numbers(columns.rates[0].as_flattened()),
+                Values::Numbers(columns.rates[1].as_flattened()),
             ]
         });
         let values = own.into_iter().chain(of_tree.into_iter().flatten());

@@ -22,6 +22,8 @@ pub(super) struct Known {
     pub(super) components: usize,
     pub(super) required: bool,
     pub(super) rows: Rows,
+    /// The column of surfels without which there is no such column of levels, and with which there is.
+    with: Option<&'static str>,
 }
 
 /// What a column has rows for.
@@ -38,15 +40,20 @@ pub(super) enum Rows {
 }
 
 const fn known(name: &'static str, components: usize, required: bool) -> Known {
-    Known { name, kind: F32, components, required, rows: Rows::Surfels }
+    Known { name, kind: F32, components, required, rows: Rows::Surfels, with: None }
 }
 
-const fn of_levels(name: &'static str, kind: u32, components: usize, rows: Rows) -> Known {
-    Known { name, kind, components, required: false, rows }
+const fn optional(name: &'static str, kind: u32, components: usize, rows: Rows) -> Known {
+    Known { name, kind, components, required: false, rows, with: None }
+}
+
+/// A column of floats of levels where surfels have the column `with`.
+const fn of_levels_with(with: &'static str, name: &'static str, components: usize, rows: Rows) -> Known {
+    Known { with: Some(with), ..optional(name, F32, components, rows) }
 }
 
 /// The columns in the order in which they are written. The first version has the first seven.
-pub(super) const COLUMNS: [Known; 26] = [
+pub(super) const COLUMNS: [Known; 30] = [
     known("position", 3, true),
     known("axis_u", 3, true),
     known("axis_v", 3, true),
@@ -57,22 +64,26 @@ pub(super) const COLUMNS: [Known; 26] = [
     known("normalisation", 1, false),
     known("opacity", 1, false),
     known("acceleration", 3, false),
-    Known { name: "id", kind: I64, components: 1, required: false, rows: Rows::Surfels },
-    of_levels("level_of", I64, 2, Rows::Tree),
-    of_levels("level_node", I64, 4, Rows::Nodes),
-    of_levels("level_box", F32, 6, Rows::Nodes),
-    of_levels("level_axis", F32, 3, Rows::Nodes),
-    of_levels("level_errors", F32, 4, Rows::Nodes),
-    of_levels("level_along", F32, 6, Rows::Nodes),
-    of_levels("level_position", F32, 3, Rows::Merged),
-    of_levels("level_axis_u", F32, 3, Rows::Merged),
-    of_levels("level_axis_v", F32, 3, Rows::Merged),
-    of_levels("level_normal", F32, 3, Rows::Merged),
-    of_levels("level_colour", F32, 3, Rows::Merged),
-    of_levels("level_share", F32, 1, Rows::Merged),
-    of_levels("level_alike", F32, 1, Rows::Merged),
-    of_levels("level_material", F32, 4, Rows::Merged),
-    of_levels("level_opacity", F32, 1, Rows::Merged),
+    optional("id", I64, 1, Rows::Surfels),
+    optional("level_of", I64, 2, Rows::Tree),
+    optional("level_node", I64, 4, Rows::Nodes),
+    optional("level_box", F32, 6, Rows::Nodes),
+    optional("level_axis", F32, 3, Rows::Nodes),
+    optional("level_errors", F32, 4, Rows::Nodes),
+    optional("level_along", F32, 6, Rows::Nodes),
+    optional("level_position", F32, 3, Rows::Merged),
+    optional("level_axis_u", F32, 3, Rows::Merged),
+    optional("level_axis_v", F32, 3, Rows::Merged),
+    optional("level_normal", F32, 3, Rows::Merged),
+    optional("level_colour", F32, 3, Rows::Merged),
+    optional("level_share", F32, 1, Rows::Merged),
+    optional("level_alike", F32, 1, Rows::Merged),
+    of_levels_with("material", "level_material", 4, Rows::Merged),
+    of_levels_with("opacity", "level_opacity", 1, Rows::Merged),
+    of_levels_with("velocity", "level_velocity", 3, Rows::Merged),
+    of_levels_with("acceleration", "level_acceleration", 3, Rows::Merged),
+    of_levels_with("velocity", "level_velocities", 10, Rows::Nodes),
+    of_levels_with("acceleration", "level_accelerations", 10, Rows::Nodes),
 ];
 
 /// Where each column of [`COLUMNS`] lies in the file.
@@ -107,16 +118,15 @@ pub(super) fn check_levels(places: &Places) -> Result<(), ParseError> {
         first.map_or(0, |column| places[column].as_ref().map_or(0, |place| place.len() / COLUMNS[column].row()))
     };
     for (column, own) in COLUMNS.iter().zip(places).filter(|(column, _)| column.name.starts_with("level_")) {
-        // Merged surfels have these where the model does.
-        let of_model = column.name.strip_prefix("level_").filter(|name| ["material", "opacity"].contains(name));
+        let is_missing = column.with.is_some_and(|name| place_of(places, name).is_none());
         let Some(own) = own else {
-            if of_model.is_some_and(|name| place_of(places, name).is_none()) {
+            if is_missing {
                 continue;
             }
             let found = format!("no column `{}`", column.name);
             return Err(ParseError::byte(HEADER, found, "all columns of levels, or no `level_of`"));
         };
-        if of_model.is_some_and(|name| place_of(places, name).is_none()) {
+        if is_missing {
             let found = format!("a column `{}`", column.name);
             return Err(ParseError::byte(own.start, found, "none, where the model has none"));
         }

@@ -239,6 +239,11 @@ impl Surfels {
         columns as u64 + self.levels.bytes()
     }
 
+    /// Velocities and accelerations: how each point moves by itself.
+    pub(super) fn rates(&self) -> [&Vec<Vec3>; 2] {
+        [&self.velocity, &self.acceleration]
+    }
+
     /// Cut-off radius of surfel `i`: the length of the longer axis.
     pub fn radius(&self, i: usize) -> f32 {
         self.axis_u[i].length().max(self.axis_v[i].length())

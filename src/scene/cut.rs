@@ -9,13 +9,14 @@ pub(crate) use blocks::BlockErrors;
 
 use std::borrow::Cow;
 
-use glam::{DMat3, DMat4, DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, Vec3};
 
 use super::pose::{camera_from_world, object_pose};
 use super::shape::{Shape, Surface};
 use super::values::{Object, Scene};
 use crate::math::{focal_length, norm};
 use crate::model::levels::{Levels, Node};
+use crate::model::paths::elapsed;
 use crate::options::{Detail, Quality};
 
 /// Tolerances at an error of 1. At `good`, which is .025, they are .005 of white and .05 pixels.
@@ -74,16 +75,12 @@ impl<'a> Cut<'a> {
 impl Scene {
     /// The scene with those surfels of its models that frame `number` needs within `tolerance`.
     ///
-    /// Models keep all their surfels where they are few, or loose, or move by themselves, and where light passes
-    /// through them.
+    /// Models keep all their surfels where they are few, or loose, or files of a sequence.
     pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance) -> Cut<'_> {
         let image = ImagePlane::of(self);
         let mut errors = BlockErrors::of_size(image.size);
         let cut = |object: &Object| {
             let Shape::Surfels { model, surface, points } = &object.shape else { return None };
-            if object.is_see_through() {
-                return None;
-            }
             let tolerance = match object.detail {
                 Detail::Auto => tolerance,
                 own => CutTolerance::of(own.error(Quality::default())?),
@@ -130,6 +127,36 @@ struct View {
     pixels: f64,
     focal: f64,
     near: f64,
+    /// Factors on velocities and accelerations of its points.
+    elapsed: [f64; 2],
+}
+
+impl View {
+    /// The box around what is below `node`, after its points moved by themselves; relative to the model's origin.
+    fn corners(&self, node: &Node) -> [DVec3; 2] {
+        node.rates.iter().zip(self.elapsed).fold(node.corners.map(Vec3::as_dvec3), |[low, high], (rates, factor)| {
+            let [a, b] = rates.corners.map(|corner| corner.as_dvec3() * factor);
+            [low + a.min(b), high + a.max(b)]
+        })
+    }
+
+    /// How far what is below `node` has moved by itself, in the mean.
+    fn travelled(&self, node: &Node) -> DVec3 {
+        node.rates.iter().zip(self.elapsed).map(|(rates, factor)| rates.mean.as_dvec3() * factor).sum()
+    }
+
+    /// How far surfels below `node` are from its own after they moved by themselves, model units (root mean square).
+    fn deviation(&self, node: &Node) -> f64 {
+        let strays = node.rates.iter().zip(self.elapsed).map(|(rates, factor)| f64::from(rates.stray) * factor);
+        strays.fold(f64::from(node.deviation), f64::hypot)
+    }
+
+    /// Pixels of a length of 1 of the model where `node` is nearest.
+    fn density(&self, node: &Node, origin: DVec3) -> f64 {
+        let [low, high] = self.corners(node).map(|corner| corner + origin);
+        let nearest = self.camera_from_model.transform_point3(self.eye.clamp(low, high)).length();
+        self.pixels / nearest.max(self.near)
+    }
 }
 
 /// The object at the ends of the parts of its exposure; those at which it is hidden are left out. One where nothing
@@ -147,11 +174,15 @@ fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
         let (scale, model_from_camera) = (norm(&linear), linear.inverse());
         let eye = model_from_camera * -camera_from_model.w_axis.truncate();
         let (pixels, near) = (focal * scale, scene.camera.near);
+        let moves = !object.shape.paths().is_empty();
+        let travelled = if moves { object.travelled(scene.frames.rate, number, time) } else { 0.0 };
+        let [velocity, acceleration, _] = elapsed(travelled);
+        let elapsed = [velocity, acceleration];
         let sound = pose.visible && scale > 0.0 && eye.is_finite();
-        sound.then_some(View { camera_from_model, model_from_camera, eye, pixels, focal, near })
+        sound.then_some(View { camera_from_model, model_from_camera, eye, pixels, focal, near, elapsed })
     };
     let mut views: Vec<View> = (0..=PARTS).filter_map(at).collect();
-    views.dedup_by(|a, b| a.camera_from_model == b.camera_from_model);
+    views.dedup_by(|a, b| a.camera_from_model == b.camera_from_model && a.elapsed == b.elapsed);
     views
 }
 
@@ -205,7 +236,7 @@ impl Chooser<'_> {
     /// (root mean square); `None` where that is more than the tolerance.
     fn error_if_fine(&mut self, node: &Node) -> Option<f64> {
         let density = self.density(node);
-        if f64::from(node.deviation) * density > self.tolerance.deviation {
+        if self.deviation(node) > self.tolerance.deviation {
             return None;
         }
         let spacing = f64::from(node.spacing) * density;
@@ -224,7 +255,7 @@ impl Chooser<'_> {
     /// deviation where an outline may run through it.
     fn add_error(&mut self, node: &Node, rest: f64) {
         let view = &self.views[self.views.len() / 2];
-        let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
+        let [low, high] = view.corners(node).map(|corner| corner + self.origin);
         let centre = 0.5 * (low + high);
         let place = view.camera_from_model.transform_point3(centre);
         let density = view.pixels / place.length().max(view.near);
@@ -238,17 +269,18 @@ impl Chooser<'_> {
         let area = node.len() as f64 * edge * edge;
         let facing = node.axis.as_dvec3().dot((view.eye - centre).normalize_or_zero());
         let outline = if facing.abs() < OUTLINE { area.sqrt() } else { 0.0 };
-        let strip = CONTRAST * f64::from(node.deviation) * density;
+        let strip = CONTRAST * view.deviation(node) * density;
         self.errors.add(on_image, radius, rest * rest * area * facing.max(0.0) + strip * strip * outline);
     }
 
     /// Pixels of a length of 1 of the model at its nearest.
     fn density(&self, node: &Node) -> f64 {
-        let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
-        let of = |view: &View| {
-            let nearest = view.camera_from_model.transform_point3(view.eye.clamp(low, high)).length();
-            view.pixels / nearest.max(view.near)
-        };
+        self.views.iter().map(|view| view.density(node, self.origin)).fold(0.0, f64::max)
+    }
+
+    /// How far surfels below `node` are from its own, pixels: the largest of the exposure.
+    fn deviation(&self, node: &Node) -> f64 {
+        let of = |view: &View| view.deviation(node) * view.density(node, self.origin);
         self.views.iter().map(of).fold(0.0, f64::max)
     }
 
@@ -258,12 +290,12 @@ impl Chooser<'_> {
     /// share. Waves along the motion stay: half of all of them cross it where detail is the same in all directions.
     fn blur(&mut self, node: &Node, spacing: f64) -> f64 {
         let [low, high] = node.corners.map(|corner| corner.as_dvec3() + self.origin);
-        let (centre, axis) = (0.5 * (low + high), node.axis.as_dvec3());
+        let (middle, axis) = (0.5 * (low + high), node.axis.as_dvec3());
         let along = node.along.as_dmat3();
         self.parts.clear();
         let (mut across, mut path) = (0.0, 0.0);
         for [from, to] in self.views.array_windows() {
-            let places = [from, to].map(|view| view.camera_from_model.transform_point3(centre));
+            let places = [from, to].map(|view| view.camera_from_model.transform_point3(middle + view.travelled(node)));
             if places.iter().any(|place| -place.z < from.near) {
                 return 1.0;
             }

@@ -130,9 +130,9 @@ impl SurfelModel {
     /// no levels, or the nodes have all surfels. Levels are built when they are first asked for. The surfels have
     /// materials where the model does, and where merged ones change the highlights of `material`, the whole object's.
     pub(super) fn cut(&self, material: Option<Material>, choose: impl FnOnce(&Levels) -> Vec<u32>) -> Option<Self> {
-        // Loose discs are no surface, and merge to none. Those that move by themselves leave their neighbours. A file
-        // of a sequence shows in a frame or two, which a tree is not worth.
-        if self.tolerance < self.median_radius || !self.paths().is_empty() || self.piece.is_some() {
+        // Loose discs are no surface, and merge to none. A file of a sequence shows in a frame or two, which a tree is
+        // not worth.
+        if self.tolerance < self.median_radius || self.piece.is_some() {
             return None;
         }
         // No lock is held while they are built: a thread that waits for its parallel parts may take up a task that asks

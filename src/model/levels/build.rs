@@ -6,9 +6,9 @@ use glam::{IVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::grid::Grid;
-use super::merge::{AGREE, Disc, merge};
+use super::merge::{AGREE, Disc, Merger};
 use super::rims::Occupied;
-use super::{CELLS, FEW, Levels, Node};
+use super::{CELLS, FEW, Levels, Node, Rates};
 use crate::model::order::{BITS, morton_codes};
 use crate::model::surfels::Surfels;
 
@@ -109,7 +109,9 @@ impl Merged {
         let start = self.share.len() as u32;
         for disc in discs {
             let area = disc.axis_u.cross(disc.axis_v).length();
-            let finite = [disc.position, disc.axis_u, disc.axis_v, disc.normal].iter().all(|v| v.is_finite());
+            let finite = [disc.position, disc.axis_u, disc.axis_v, disc.normal, disc.rates[0], disc.rates[1]]
+                .iter()
+                .all(|v| v.is_finite());
             if !finite || area.is_nan() || area <= 0.0 {
                 return None;
             }
@@ -121,6 +123,13 @@ impl Merged {
             of.colour.push(disc.colour);
             if !model.opacity.is_empty() {
                 of.opacity.push(disc.opacity);
+            }
+            let [velocity, acceleration] = disc.rates;
+            if !model.velocity.is_empty() {
+                of.velocity.push(velocity);
+            }
+            if !model.acceleration.is_empty() {
+                of.acceleration.push(acceleration);
             }
             if !model.material.is_empty() {
                 of.material.push(disc.material);
@@ -134,9 +143,8 @@ impl Merged {
     /// Gives back what columns have grown beyond their length.
     fn shrink(&mut self) {
         let of = &mut self.of;
-        for column in [&mut of.position, &mut of.axis_u, &mut of.axis_v, &mut of.normal, &mut of.colour] {
-            column.shrink_to_fit();
-        }
+        let columns = [&mut of.position, &mut of.axis_u, &mut of.axis_v, &mut of.normal, &mut of.colour];
+        columns.into_iter().chain([&mut of.velocity, &mut of.acceleration]).for_each(Vec::shrink_to_fit);
         of.opacity.shrink_to_fit();
         of.material.shrink_to_fit();
         self.share.shrink_to_fit();
@@ -212,22 +220,29 @@ fn merge_cells(below: &[Disc], bits: u32, grid: &Grid, occupied: &Occupied) -> V
     };
     let mut order: Vec<([i32; 3], u32)> = below.iter().zip(0..).map(|(disc, i)| (cell(disc), i)).collect();
     order.sort_unstable();
-    let mut own = Vec::new();
+    let (mut own, mut merger) = (Vec::new(), Merger::default());
+    // Sums of fronts, and the discs of each. Those of the cells before are used again.
+    let mut groups: Vec<(Vec3, Vec<&Disc>)> = Vec::new();
     for of_cell in order.chunk_by(|a, b| a.0 == b.0) {
-        let mut groups: Vec<(Vec3, Vec<&Disc>)> = Vec::new();
+        let mut count = 0;
         for (_, i) in of_cell {
             let disc = &below[*i as usize];
             let front = disc.front();
-            match groups.iter_mut().find(|(of_group, _)| of_group.dot(front) >= AGREE * of_group.length()) {
-                Some((of_group, discs)) => {
-                    *of_group += front * disc.area;
-                    discs.push(disc);
+            let same = |(of_group, _): &(Vec3, _)| of_group.dot(front) >= AGREE * of_group.length();
+            let group = groups[..count].iter().position(same).unwrap_or(count);
+            if group == count {
+                count += 1;
+                if group == groups.len() {
+                    groups.push((Vec3::ZERO, Vec::new()));
                 }
-                None => groups.push((front * disc.area, vec![disc])),
+                groups[group].0 = Vec3::ZERO;
+                groups[group].1.clear();
             }
+            groups[group].0 += front * disc.area;
+            groups[group].1.push(disc);
         }
-        own.extend(groups.iter().map(|(_, discs)| {
-            let mut disc = merge(discs, edge);
+        own.extend(groups[..count].iter().map(|(_, discs)| {
+            let mut disc = merger.merge(discs, edge);
             disc.contrast = occupied.contrast(&disc, grid);
             disc
         }));
@@ -240,7 +255,20 @@ fn leaf(draft: &Draft, discs: &[Disc]) -> Node {
         let extent = disc.extent();
         [low.min(disc.position - extent), high.max(disc.position + extent)]
     });
-    Node { corners: [low, high], surfels: draft.leaves.start as u32..draft.leaves.end as u32, ..Node::default() }
+    Node {
+        corners: [low, high],
+        rates: [0, 1].map(|order| {
+            let own = || discs.iter().map(|disc| disc.rates[order]);
+            let mean = own().map(|rate| rate / discs.len() as f32).sum();
+            Rates {
+                corners: [own().fold(Vec3::INFINITY, Vec3::min), own().fold(Vec3::NEG_INFINITY, Vec3::max)],
+                mean,
+                stray: 0.0,
+            }
+        }),
+        surfels: draft.leaves.start as u32..draft.leaves.end as u32,
+        ..Node::default()
+    }
 }
 
 fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
@@ -255,6 +283,14 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
         / weights().sum::<f32>().max(f32::MIN_POSITIVE);
     let axis = own.iter().map(|disc| disc.front() * (disc.area / area)).sum::<Vec3>().normalize_or_zero();
     let changes: Mat3 = own.iter().map(|disc| disc.changes * (disc.area / area)).sum();
+    let rates = [0, 1].map(|order| {
+        let below = || children.iter().map(|child| child.rates[order].corners);
+        let low = below().map(|[low, _]| low).fold(Vec3::INFINITY, Vec3::min);
+        let high = below().map(|[_, high]| high).fold(Vec3::NEG_INFINITY, Vec3::max);
+        let mean = own.iter().map(|disc| disc.rates[order] * (disc.area / area)).sum();
+        let stray = own.iter().map(|disc| disc.strays[order] * (disc.area / area)).sum::<f32>().sqrt();
+        Rates { corners: [low, high], mean, stray }
+    });
     let trace = changes.x_axis.x + changes.y_axis.y + changes.z_axis.z;
     Node {
         corners: [low, high],
@@ -264,6 +300,7 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
         rest: mean(Disc::rest).sqrt(),
         turns: mean(Disc::turns).sqrt(),
         along: if trace > 0.0 { changes * trace.recip() } else { Mat3::ZERO },
+        rates,
         surfels: 0..0,
         children: draft.children.clone(),
     }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use super::{Levels, Node};
+use super::{Levels, Node, Rates};
 use crate::limits::MAX_COORDINATE;
 use crate::model::order::BITS;
 use crate::model::surfels::Surfels;
@@ -21,6 +21,8 @@ pub(in crate::model) struct TreeColumns {
     pub(in crate::model) errors: Vec<[f32; 4]>,
     /// Rows of the upper triangle: xx, xy, xz, yy, yz, zz.
     pub(in crate::model) along: Vec<[f32; 6]>,
+    /// Velocities and accelerations, where the model has them: least and greatest corner, mean, stray.
+    pub(in crate::model) rates: [Vec<[f32; 10]>; 2],
     pub(in crate::model) share: Vec<f32>,
     pub(in crate::model) alike: Vec<f32>,
 }
@@ -38,6 +40,8 @@ impl Levels {
     /// Columns of the nodes, and of what merged surfels have beside their own.
     pub(in crate::model) fn columns(&self) -> TreeColumns {
         let nodes = || self.nodes.iter();
+        let rates = |order: usize| nodes().map(|node| node.rates[order].row()).collect();
+        let [velocity, acceleration] = self.merged.rates().map(|column| !column.is_empty());
         let ends = |of: &Range<u32>| [of.start.into(), of.end.into()];
         TreeColumns {
             ranges: nodes()
@@ -60,6 +64,7 @@ impl Levels {
                     [x.x, x.y, x.z, y.y, y.z, z.z]
                 })
                 .collect(),
+            rates: [if velocity { rates(0) } else { Vec::new() }, if acceleration { rates(1) } else { Vec::new() }],
             share: self.share.clone(),
             alike: self.alike.clone(),
         }
@@ -90,11 +95,24 @@ impl Levels {
                 rest,
                 turns,
                 along: Mat3::from_cols(Vec3::new(xx, xy, xz), Vec3::new(xy, yy, yz), Vec3::new(xz, yz, zz)),
+                rates: [0, 1].map(|order| columns.rates[order].get(i).map(Rates::of_row).unwrap_or_default()),
                 surfels,
                 children,
             }
         });
         Ok(Self { nodes: nodes.collect(), merged, share: columns.share, alike: columns.alike })
+    }
+}
+
+impl Rates {
+    fn row(&self) -> [f32; 10] {
+        let ([low, high], mean) = (self.corners, self.mean);
+        [low.x, low.y, low.z, high.x, high.y, high.z, mean.x, mean.y, mean.z, self.stray]
+    }
+
+    fn of_row(&[low_x, low_y, low_z, high_x, high_y, high_z, x, y, z, stray]: &[f32; 10]) -> Self {
+        let corners = [Vec3::new(low_x, low_y, low_z), Vec3::new(high_x, high_y, high_z)];
+        Self { corners, mean: Vec3::new(x, y, z), stray }
     }
 }
 
@@ -163,8 +181,11 @@ fn check_numbers(columns: &TreeColumns) -> Result<(), Wrong> {
     // Not NaN. Sums of squares of large discs may be infinite.
     let positive = |x: &f32| *x >= 0.0;
     let small = |x: &f32| x.abs() <= 2.0;
-    let is_box = |c: &[f32; 6]| c.iter().all(place) && (0..3).all(|axis| c[axis] <= c[axis + 3]);
-    first("box", &columns.corners, is_box, "corners of a box")?;
+    let is_box = |c: &[f32]| c.iter().all(place) && (0..3).all(|axis| c[axis] <= c[axis + 3]);
+    let is_rates = |row: &[f32; 10]| is_box(&row[..6]) && row[6..9].iter().all(place) && positive(&row[9]);
+    first("velocities", &columns.rates[0], is_rates, "corners of a box, a mean, a number of at least 0")?;
+    first("accelerations", &columns.rates[1], is_rates, "corners of a box, a mean, a number of at least 0")?;
+    first("box", &columns.corners, |row| is_box(row), "corners of a box")?;
     first("axis", &columns.axis, |axis| axis.is_finite() && axis.length_squared() < 1.01, "a length of at most 1")?;
     first("errors", &columns.errors, |errors| errors.iter().all(positive), "numbers of at least 0")?;
     first("along", &columns.along, |along| along.iter().all(small), "numbers from -2 to 2")?;

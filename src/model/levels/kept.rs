@@ -52,7 +52,8 @@ impl Surfels {
 /// CRC-32 of all columns that a tree depends on.
 pub(in crate::model) fn fingerprint(surfels: &Surfels) -> u32 {
     let mut sum = crc32fast::Hasher::new();
-    for column in [&surfels.position, &surfels.axis_u, &surfels.axis_v, &surfels.normal, &surfels.colour] {
+    let columns = [&surfels.position, &surfels.axis_u, &surfels.axis_v, &surfels.normal, &surfels.colour];
+    for column in columns.into_iter().chain(surfels.rates()) {
         sum.update(bytemuck::cast_slice(column));
     }
     sum.update(bytemuck::cast_slice(&surfels.opacity));

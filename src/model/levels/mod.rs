@@ -65,10 +65,23 @@ pub(crate) struct Node {
     pub(crate) turns: f32,
     /// Share of what is left out that changes along a unit vector d: d . (`along` d). Its trace is 1, or 0.
     pub(crate) along: Mat3,
+    /// Velocities and accelerations below it; zero in a model without any.
+    pub(crate) rates: [Rates; 2],
     /// Its surfels: of the model where it has no children, else of the merged ones.
     surfels: Range<u32>,
     /// Its children, by number; empty where it has none.
     pub(crate) children: Range<u32>,
+}
+
+/// Velocities of the surfels of a model below a node, or accelerations, model units per unit of time (squared).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Rates {
+    /// Corners of a box around them.
+    pub(crate) corners: [Vec3; 2],
+    /// Their mean.
+    pub(crate) mean: Vec3,
+    /// How far they are from those of the node's surfels (root mean square). 0 without children.
+    pub(crate) stray: f32,
 }
 
 impl Node {
@@ -109,6 +122,9 @@ impl Levels {
             colour: vectors(|of| &of.colour),
             opacity: self.column(model, cut, |of| &of.opacity),
             material: self.materials(model, cut, own),
+            velocity: vectors(|of| &of.velocity),
+            acceleration: vectors(|of| &of.acceleration),
+            velocity_unit: model.velocity_unit,
             normalisation: Normalisation::later(factors),
             two_sided: model.two_sided,
             signs_estimated: model.signs_estimated,

@@ -354,22 +354,21 @@ fn what_has_no_levels() {
 /// A file brings the tree of its model along, and it is used until the model changes.
 #[test]
 fn a_file_keeps_the_tree() {
-    let mut model = ball(5000);
+    let mut model = flying(5000);
     model.material = vec![Material { specular: 0.3, ..Material::default() }; model.len()];
     model.opacity = vec![0.9; model.len()];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.bin");
     // The file has another order than a renderer.
     let mut other = model.clone();
-    for column in [&mut other.position, &mut other.axis_u, &mut other.axis_v, &mut other.normal, &mut other.colour] {
-        column.reverse();
-    }
+    let columns = [&mut other.position, &mut other.axis_u, &mut other.axis_v, &mut other.normal, &mut other.colour];
+    columns.into_iter().chain([&mut other.velocity]).for_each(|column| column.reverse());
     crate::model::write_bin(&path, &other).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let parsed = crate::model::parse(&bytes, crate::model::ModelFormat::Bin).unwrap();
     let crate::model::Parsed::Surfels(read) = parsed else { panic!("surfels") };
     assert_eq!(read.position, other.position);
-    let mut read = read.spatially_ordered();
+    let read = read.spatially_ordered();
     let made = Levels::of(&model).unwrap();
     let kept = read.tree().unwrap();
     assert!(Arc::ptr_eq(&kept, &read.tree().unwrap()), "it was made anew");
@@ -377,22 +376,28 @@ fn a_file_keeps_the_tree() {
     let (kept, made) = (&kept.merged, &made.merged);
     assert!(kept.position == made.position && kept.axis_u == made.axis_u && kept.axis_v == made.axis_v);
     assert!(kept.normal == made.normal && kept.colour == made.colour && kept.opacity == made.opacity);
-    assert!(kept.material == made.material);
+    assert!(kept.material == made.material && kept.rates() == made.rates());
     for change in [
         (|model| model.colour[7].x += 0.1) as fn(&mut Surfels),
         |model| model.normal[9] = Vec3::X,
         |model| model.material[9].shininess = 2.0,
         |model| model.opacity[9] = 0.5,
+        |model| model.velocity[9] = Vec3::X,
+        |model| model.acceleration[9] = Vec3::X,
     ] {
-        change(&mut read);
-        let made = read.tree().unwrap();
-        assert!(!Arc::ptr_eq(&made, &read.tree().unwrap()), "a tree of other surfels was kept");
+        let mut other = read.clone();
+        change(&mut other);
+        let made = other.tree().unwrap();
+        assert!(!Arc::ptr_eq(&made, &other.tree().unwrap()), "a tree of other surfels was kept");
     }
-    // What shows all its surfels has no tree in its file.
-    model.velocity = vec![Vec3::X; model.len()];
-    let moving = folder.path().join("moving.bin");
-    crate::model::write_bin(&moving, &model).unwrap();
-    assert!(!std::fs::read(&moving).unwrap().windows(10).any(|name| name == b"level_node"));
+    // What shows all its surfels has no tree in its file: discs that cross each other.
+    for i in 0..model.len() {
+        let [u, v, front] = if i % 2 == 0 { [Vec3::X, Vec3::Y, Vec3::Z] } else { [Vec3::Y, Vec3::Z, Vec3::X] };
+        (model.axis_u[i], model.axis_v[i], model.normal[i]) = (0.1 * u, 0.1 * v, front);
+    }
+    let loose = folder.path().join("loose.bin");
+    crate::model::write_bin(&loose, &model).unwrap();
+    assert!(!std::fs::read(&loose).unwrap().windows(10).any(|name| name == b"level_node"));
 }
 
 /// The tree does not depend on the number of threads.
@@ -436,4 +441,61 @@ proptest! {
             prop_assert!(back.is_ok_and(|back| back.nodes == levels.nodes));
         }
     }
+}
+
+/// The ball with velocities that grow with the place, and one acceleration.
+fn flying(count: usize) -> Surfels {
+    let mut surfels = ball(count);
+    surfels.velocity = surfels.position.iter().map(|place| Vec3::new(2.0 * place.x, 1.0, place.y)).collect();
+    surfels.acceleration = vec![Vec3::Y; surfels.len()];
+    surfels
+}
+
+/// Each cut has the model's mean velocity; boxes hold the velocities below, and the stray is how far these are from
+/// those of the node's surfels.
+#[test]
+fn merging_keeps_velocities() {
+    let model = Arc::new(flying(20_000));
+    let levels = tree(&model);
+    let mean = |surfels: &Surfels, share: &dyn Fn(usize) -> f64| {
+        let weights = (0..surfels.len()).map(|i| area(surfels, i) * share(i));
+        let sum =
+            |of: &Vec<Vec3>| weights.clone().zip(of).map(|(weight, rate)| weight * rate.as_dvec3()).sum::<DVec3>();
+        (sum(&surfels.velocity) / weights.clone().sum::<f64>(), sum(&surfels.acceleration) / weights.sum::<f64>())
+    };
+    let (velocity, acceleration) = mean(&model, &|_| 1.0);
+    for cut in cuts(&levels) {
+        let surfels = levels.gather(&model, &cut, None);
+        surfels.check().unwrap();
+        let factors = levels.factors(&model, &cut);
+        let own = f64::from(model.mean_normalisation());
+        let leaves = cut.iter().all(|&node| levels.nodes[node as usize].is_leaf());
+        let share = |i: usize| if leaves { 1.0 } else { f64::from(factors[i]) / own };
+        let (of_cut, accelerations) = mean(&surfels, &share);
+        assert!((of_cut - velocity).length() < 1e-3, "{of_cut} {velocity}");
+        assert!((accelerations - acceleration).length() < 1e-6, "{accelerations}");
+    }
+    for (i, node) in levels.nodes.iter().enumerate() {
+        let [velocities, accelerations] = node.rates;
+        assert!(accelerations.corners == [Vec3::Y; 2] && accelerations.stray < 1e-6);
+        let (mut leaves, mut open) = (Vec::new(), vec![i]);
+        while let Some(i) = open.pop() {
+            let node = &levels.nodes[i];
+            open.extend(node.children.clone().map(|child| child as usize));
+            if node.is_leaf() {
+                leaves.extend(node.surfels.clone().map(|i| model.velocity[i as usize]));
+            }
+        }
+        let low = leaves.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+        let high = leaves.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        assert_eq!(velocities.corners, [low, high]);
+        // Velocities change by 2 along x and 1 along y, and cells are cubes that a surface crosses in many ways.
+        let expected = node.spacing * (5.0_f32 / 12.0).sqrt();
+        assert!(
+            node.is_leaf() || (0.2..1.1).contains(&(velocities.stray / expected)),
+            "{} {expected}",
+            velocities.stray
+        );
+    }
+    assert_eq!(tree(&ball(2000)).merged.rates().map(Vec::len), [0; 2]);
 }

@@ -5,10 +5,9 @@ use crate::compare::gamma_rmse;
 use crate::film::{Aov, Picture};
 use crate::options::{BlurMode, Detail, Interleave, Look, RenderOptions, Times};
 use crate::renderer::{Renderer, render_frame};
-use glam::Vec3;
 
 use super::*;
-use crate::model::Surfels;
+use crate::model::{Surfels, VelocityUnit};
 use crate::scene::{Light, Motion};
 use crate::time::Shutter;
 
@@ -45,6 +44,10 @@ fn plane(colour: fn(usize, usize) -> f32, path: DVec3) -> Scene {
 fn noise(x: usize, y: usize) -> f32 {
     let mixed = (x as u32).wrapping_mul(2_654_435_761) ^ (y as u32).wrapping_mul(2_246_822_519);
     0.2 + 0.6 * ((mixed ^ mixed >> 13).wrapping_mul(3_266_489_917) >> 8) as f32 / f32::from(1_u16 << 12).powi(2)
+}
+
+fn faint(x: usize, y: usize) -> f32 {
+    0.5 + 0.04 * (noise(x, y) - 0.5)
 }
 
 /// Stripes of two surfels in height.
@@ -148,7 +151,6 @@ fn what_has_no_cut_is_as_it_was() {
         surfels(&scene, CutTolerance::of(0.025)) == SIDE * SIDE
     };
     assert!(!kept(|_| ()));
-    assert!(kept(|scene| scene.objects[0].opacity = 0.5));
     let turned = |scene: &mut Scene| {
         // An object that is never seen.
         scene.objects[0].transform.scale = DVec3::ZERO;
@@ -171,7 +173,6 @@ fn cuts_are_made_once() {
 /// little of it. All surfels have none.
 #[test]
 fn a_cut_knows_its_error() {
-    let faint = |x: usize, y: usize| 0.5 + 0.04 * (noise(x, y) - 0.5);
     let scenes = [plane(faint, DVec3::ZERO), plane(noise, 64.0 * DVec3::X), plane(faint, 8.0 * DVec3::X)];
     let mut stated = Vec::new();
     for scene in scenes {
@@ -247,4 +248,110 @@ fn a_layer_shows_where_detail_is_missing() {
     let [full, draft] = [Detail::Full, Detail::Draft].map(stated);
     let middle = 40 * 128 + 40;
     assert!(draft[middle] > 0.8 * own[0][middle] && draft[middle] > full[middle], "{} {}", draft[middle], full[middle]);
+}
+
+/// The plane with points that move by themselves, in units of a frame, from the frame on.
+fn with_velocities(
+    colour: fn(usize, usize) -> f32,
+    velocity: impl Fn(Vec3) -> Vec3,
+    acceleration: impl Fn(Vec3) -> Vec3,
+) -> Scene {
+    let mut scene = plane(colour, DVec3::ZERO);
+    let Shape::Surfels { model, points, .. } = &mut scene.objects[0].shape else { panic!("no surfels") };
+    points.at = Some(NUMBER);
+    let mut surfels = Surfels::clone(model.surfels());
+    surfels.velocity = surfels.position.iter().map(|&place| velocity(place)).collect();
+    surfels.acceleration = surfels.position.iter().map(|&place| acceleration(place)).collect();
+    surfels.velocity_unit = VelocityUnit::Frame;
+    *model = surfels.into();
+    scene
+}
+
+/// Points that all have one velocity, or one acceleration, are cut as an object that moves so.
+#[test]
+fn velocities_of_points_are_motion() {
+    let still = surfels(&plane(noise, DVec3::ZERO), TIGHT);
+    for path in [DVec3::X, DVec3::new(0.3, 0.8, 0.0)].map(|path| 16.0 * path) {
+        let by_object = surfels(&plane(noise, path), TIGHT);
+        let by_points = surfels(&with_velocities(noise, |_| 2.0 * path.as_vec3(), |_| Vec3::ZERO), TIGHT);
+        assert!(by_points == by_object && by_points * 3 <= still, "{by_points} {by_object} {still}");
+    }
+    // From -.5 to .5 frames they go there and back by an eighth of it.
+    let fallen = surfels(&with_velocities(noise, |_| Vec3::ZERO, |_| 2.0 * 128.0 * Vec3::X), TIGHT);
+    assert!(fallen * 2 <= still, "{fallen} {still}");
+    // Each its own way, by a pixel: no tolerance of .05 pixels holds that.
+    let scattered = |place: Vec3| {
+        100.0 * Vec3::new(noise((place.x + 128.0) as usize, 3) - 0.5, noise(7, (place.y + 128.0) as usize), 0.0)
+    };
+    let good = CutTolerance::of(0.025);
+    let far = |scene: Scene| {
+        let mut scene = scene;
+        scene.camera.eye.z *= 8.0;
+        surfels(&scene, good)
+    };
+    assert_eq!(far(with_velocities(faint, scattered, |_| Vec3::ZERO)), SIDE * SIDE);
+    assert_eq!(far(with_velocities(faint, |_| Vec3::ZERO, scattered)), SIDE * SIDE);
+    assert!(far(with_velocities(faint, |_| Vec3::X, |_| Vec3::Y)) * 8 < SIDE * SIDE);
+}
+
+/// Where points come toward the camera by themselves, their nodes are as near as they are.
+#[test]
+fn points_that_come_near_are_fine() {
+    let near = |toward: f32| {
+        let mut scene = with_velocities(faint, |_| toward * Vec3::Z, |_| Vec3::ZERO);
+        scene.camera.eye.z = 2048.0;
+        surfels(&scene, CutTolerance::of(0.1))
+    };
+    let (rests, comes) = (near(0.0), near(4000.0));
+    assert!(rests * 8 < comes, "{rests} {comes}");
+}
+
+/// A cut of points that fly apart looks as all of them do.
+#[test]
+fn a_cut_moves_as_all_points_do() {
+    let mut scene = with_velocities(faint, |place| 0.2 * place + Vec3::new(20.0, 0.0, 0.0), |_| Vec3::Y * 30.0);
+    scene.camera.eye.z = 512.0;
+    let picture = |detail: Detail| {
+        let quality = "supersample:16".parse().unwrap();
+        let options = RenderOptions { quality, detail, ..RenderOptions::default() };
+        render_frame(&mut Cpu::default(), &scene, NUMBER, &options).unwrap()
+    };
+    let [good, full] = [Detail::Good, Detail::Full].map(picture);
+    assert!(surfels(&scene, CutTolerance::of(0.025)) * 2 < SIDE * SIDE);
+    let error = gamma_rmse(&good.picture, &full.picture).unwrap();
+    assert!(error < 0.005, "{error}");
+}
+
+/// See-through surfels are cut as others are; where opacities differ, what is behind them is detail, too.
+#[test]
+fn what_is_seen_through_is_cut() {
+    let with = |opacity: fn(usize) -> f32| {
+        let mut scene = plane(|_, _| 0.5, DVec3::ZERO);
+        let Shape::Surfels { model, .. } = &mut scene.objects[0].shape else { panic!("no surfels") };
+        let mut own = Surfels::clone(model.surfels());
+        own.opacity = own.position.iter().map(|place| opacity((place.x + 0.5 * SIDE as f32) as usize)).collect();
+        *model = own.into();
+        // What is behind is white.
+        scene.image.background = DVec3::ONE;
+        scene
+    };
+    let even = with(|_| 0.5);
+    assert_eq!(surfels(&even, TIGHT), surfels(&plane(|_, _| 0.5, DVec3::ZERO), TIGHT));
+    let mut faded = plane(noise, DVec3::ZERO);
+    faded.objects[0].opacity = 0.5;
+    assert_eq!(surfels(&faded, TIGHT), surfels(&plane(noise, DVec3::ZERO), TIGHT));
+    let striped = with(|x| if x / 2 % 2 == 0 { 0.2 } else { 0.9 });
+    assert!(surfels(&striped, TIGHT) > 4 * surfels(&even, TIGHT), "{}", surfels(&striped, TIGHT));
+    for mut scene in [even, striped, with(|x| 0.4 + 0.02 * (x % 2) as f32)] {
+        scene.camera.eye.z = 1024.0;
+        let picture = |detail: Detail| {
+            let options =
+                RenderOptions { quality: "supersample:16".parse().unwrap(), detail, ..RenderOptions::default() };
+            render_frame(&mut Cpu::default(), &scene, NUMBER, &options).unwrap()
+        };
+        let [good, full] = [Detail::Good, Detail::Full].map(picture);
+        let error = gamma_rmse(&good.picture, &full.picture).unwrap();
+        println!("{error}, stated {}", good.stats.detail);
+        assert!(error < 0.004 && error <= good.stats.detail.max(1e-3), "{error}, stated {}", good.stats.detail);
+    }
 }

@@ -13,7 +13,8 @@ fn plate(side: usize) -> Surfels {
     let all = |v: Vec3| vec![v; position.len()];
     let (axis_u, axis_v, normal) = (all(Vec3::X * 0.8), all(Vec3::Y * 0.8), all(Vec3::Z));
     let colour = position.iter().map(|place| Vec3::new(place.x % 2.0, 0.5, 0.1)).collect();
-    Surfels { position, axis_u, axis_v, normal, colour, ..Surfels::default() }.spatially_ordered()
+    let velocity = position.iter().map(|place| Vec3::Z * place.x).collect();
+    Surfels { position, axis_u, axis_v, normal, colour, velocity, ..Surfels::default() }.spatially_ordered()
 }
 
 /// First byte and bytes of the column `name`, by the directory of a file.
@@ -59,6 +60,7 @@ fn what_is_no_tree_is_refused() {
         ("level_axis", "a length of at most 1"),
         ("level_errors", "numbers of at least 0"),
         ("level_along", "numbers from -2 to 2"),
+        ("level_velocities", "corners of a box, a mean, a number of at least 0"),
         ("level_share", "a number of at least 0"),
         ("level_alike", "a number from 0 to 1"),
     ] {
@@ -71,6 +73,7 @@ fn what_is_no_tree_is_refused() {
         ("level_axis_u", "pair of axes"),
         ("level_normal", "normal"),
         ("level_colour", "colour"),
+        ("level_velocity", "velocity"),
     ] {
         let at = column(&good, name).0;
         has(refused(name, 0, &nan), &format!("byte {at}: found an unusable {what} at row 0 of `{name}`"));
