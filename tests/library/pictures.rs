@@ -2,7 +2,7 @@
 
 use splatblur::compare::{Comparison, Metric, compare};
 use splatblur::reference::{self, ReferenceOptions};
-use splatblur::{Look, Picture, PixelFilter, RenderOptions, Scene};
+use splatblur::{Device, Look, Picture, PixelFilter, RenderOptions, Renderer, Scene};
 
 /// Colours below, within and above the range, with this alpha.
 fn gradient(alpha: fn(u32) -> f32) -> Picture {
@@ -51,4 +51,23 @@ fn a_reference_has_the_look_of_the_options() {
     let plain = traced(Look::default());
     assert_eq!(plain, traced(Look::default()));
     assert_ne!(plain, traced(Look { filter: PixelFilter::Gaussian { sigma: 2.0 }, ..Look::default() }));
+}
+
+/// A renderer shows a scene as a new one does, whatever it has shown before: layers, captures, volumes.
+#[test]
+fn a_renderer_forgets_the_scene_before() {
+    let options = RenderOptions { quality: "supersample:2".parse().unwrap(), ..RenderOptions::default() };
+    let scenes = [("glass", 6), ("guitar_ball", 9), ("smoke", 4), ("crossing", 12)].map(|(name, frame)| {
+        let scene = Scene::open(format!("scenes/{name}.xml")).size(96, 54).load().unwrap();
+        let alone = Renderer::open(Device::Cpu).unwrap().render(&scene, frame, &options).unwrap().picture;
+        (name, scene, frame, alone)
+    });
+    let mut renderer = Renderer::open(Device::Cpu).unwrap();
+    for (first, before, frame, _) in &scenes {
+        for (name, scene, number, alone) in &scenes {
+            renderer.render(before, *frame, &options).unwrap();
+            let picture = renderer.render(scene, *number, &options).unwrap().picture;
+            assert!(picture.rgba == alone.rgba, "{name} after {first}");
+        }
+    }
 }
