@@ -1,0 +1,5 @@
+"""`python -m splatblur` is the program `splatblur`."""
+
+from ._cli import main
+
+main()
