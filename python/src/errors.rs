@@ -202,9 +202,9 @@ static PROCESS: AtomicU32 = AtomicU32::new(0);
 /// Refuses work in a child of `fork`: the threads of the pool are not there, and whoever waits for them waits for ever.
 pub(crate) fn guard(py: Python<'_>) -> PyResult<()> {
     let now = std::process::id();
-    let before = PROCESS.compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed).unwrap_or(now);
-    if before == now || before == 0 {
-        return Ok(());
+    match PROCESS.compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(before) if before != now => {}
+        _ => return Ok(()),
     }
     let message = "splatblur was used in the parent process before this one was forked from it, and its threads are \
                    not here. Start workers by spawn: multiprocessing.get_context(\"spawn\"), or \

@@ -34,23 +34,28 @@ def counted(seconds: float, until: threading.Event | None = None) -> float:
 
 
 def test_another_thread_runs_meanwhile():
-    # One thread renders, so that the other has a core; on a machine of one core nothing can be seen.
+    """As fast as beside another process: a lock that is held would stop it, other work on the machine does not count."""
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one core")
     renderer, scene = sb.Renderer("cpu", threads=1), heavy()
     shares = []
-    for _ in range(3):
-        alone = counted(0.4)
+    for _ in range(6):
+        other = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        time.sleep(0.1)
+        alone = counted(0.5)
+        other.kill()
+        other.wait()
         done = threading.Event()
         worker = threading.Thread(
             target=lambda: (renderer.render(scene, mode="supersample:64"), done.set())  # noqa: B023
         )
         worker.start()
-        time.sleep(0.05)
-        shares.append(counted(0.6, done) / alone)
+        time.sleep(0.1)
+        shares.append(counted(0.5, done) / alone)
         worker.join()
-    # The machine may be busy with other things: the best of three.
-    assert max(shares) > 0.8, shares
+        if shares[-1] > 0.8:
+            return
+    raise AssertionError(f"shares of its speed: {shares}")
 
 
 @pytest.mark.parametrize("what", ["render", "reference", "frames", "pair"])

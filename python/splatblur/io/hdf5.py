@@ -53,7 +53,12 @@ def read(
             raise refused(name, f"no group {group}", f"one of {', '.join(sorted(file))}")
         particles = file[group]
         wanted = (positions,) if positions is not None else _POSITIONS
-        found = [each for each in wanted if all(part in particles for part in ((each,) if isinstance(each, str) else each))]
+
+        def there(name: str | tuple[str, str, str]) -> bool:
+            parts = (name,) if isinstance(name, str) else name
+            return all(isinstance(particles.get(part), h5py.Dataset) for part in parts)
+
+        found = [each for each in wanted if there(each)]
         if not found:
             raise refused(name, f"no positions in {group}", f"positions= one of {', '.join(sorted(particles))}")
         sets: list[str] = []

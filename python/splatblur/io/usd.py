@@ -128,7 +128,9 @@ def _model(prim: Any, at: float, linear: bool) -> Model | None:
 def _points(points: Any, at: float) -> Model | None:
     from pxr import UsdGeom
 
-    positions = _array(points.GetPointsAttr(), at)
+    # Between samples, points are where their velocities take them from the sample before.
+    computed = points.ComputePointsAtTime(at, at)
+    positions = None if computed is None or len(computed) == 0 else np.array(computed)
     if positions is None:
         return None
     rows = len(positions)
