@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from . import _arrays, _native
 from ._errors import invalid
+from ._native import Camera as NativeCamera
 
 Direction = Literal["down", "up", "right", "left"]
 _MOST_SIZE = 65_535
@@ -71,7 +72,7 @@ class Camera:
                 raise TypeError("a camera needs `eye` and `at`")
             if times is not None:
                 raise TypeError("`times` go with viewmat or c2w of the shape (T, 4, 4)")
-            self._native: _native.Camera | None = _native.Camera.look(
+            self._native: NativeCamera | None = _native.Camera.look(
                 _arrays.three(eye, "eye"),
                 _arrays.three(at, "at"),
                 (0.0, 1.0, 0.0) if up is None else _arrays.three(up, "up"),
@@ -150,7 +151,12 @@ def _found(width: int, height: int) -> Camera:
 
 
 def _again(size: tuple[int, int], lens: _native.Lens, look_at: Any, poses: Any) -> Camera:
-    native = _native.Camera.look(*look_at, lens) if poses is None else _native.Camera.moving(*poses, lens)
+    if poses is None:
+        eye, at, up = look_at
+        native = _native.Camera.look(eye, at, up, lens)
+    else:
+        times, matrices = poses
+        native = _native.Camera.moving(times, matrices, lens)
     return Camera._of(native, size)
 
 

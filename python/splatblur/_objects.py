@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from . import _arrays, _loaded, _native
 from ._errors import NoteWarning, invalid
+from ._native import Object as NativeObject
 
 Path = str | PathLike[str]
 
@@ -31,7 +32,7 @@ class Model:
         notes: What was estimated or dropped, one line each. They are warnings, too.
     """
 
-    _native: _native.Object
+    _native: NativeObject
     _file: tuple[str, str | None] | None = None
 
     def __init__(self) -> None:
@@ -58,7 +59,7 @@ class Model:
         return model
 
     @staticmethod
-    def _of(native: _native.Object) -> Model:
+    def _of(native: NativeObject) -> Model:
         model = object.__new__(Model)
         model._native = native
         return model

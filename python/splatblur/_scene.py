@@ -77,8 +77,9 @@ class Scene:
         self.lights: list[Light] | None = None if lights is None else list(lights)
         self.background: npt.ArrayLike = background
         self.transparent = bool(transparent)
-        surrounded = environment is None or isinstance(environment, Environment)
-        self.environment = environment if surrounded else Environment(environment)
+        if environment is not None and not isinstance(environment, Environment):
+            environment = Environment(environment)
+        self.environment: Environment | None = environment
         self.rate = _RATE if rate is None and self.shutter.fps is None else (rate or self.shutter.fps)
         self._frames = None if frames is None else _frames(frames)
         self._size = None if size is None else _size(size)
@@ -146,11 +147,8 @@ class Scene:
 
     def _resolve(self, camera: Camera | None = None) -> _native.Scene:
         """The scene as it is now, for a renderer. `camera` replaces its own."""
-        camera = camera or self.camera
-        if not all(isinstance(each, Object) for each in self.objects):
-            raise invalid("objects", "a list with something else in it", "a list of Objects")
-        if not isinstance(self.shutter, Shutter):
-            raise invalid("shutter", f"a {type(self.shutter).__name__}", "a Shutter")
+        camera = self.camera if camera is None else camera
+        self._check_types()
         rate = _arrays.number(self.rate, "rate")
         if self.shutter.fps is not None and not math.isclose(self.shutter.fps, rate):
             raise invalid("shutter", f"in seconds at {self.shutter.fps} frames per second", f"{rate}, the scene's rate")
@@ -161,7 +159,7 @@ class Scene:
             None if self._base is None else self._base.native,
             natives,
             {
-                "name": str(self.name),
+                "name": self.name,
                 "size": self.size if camera is None else (camera.width, camera.height),
                 "background": _arrays.three(self.background, "background"),
                 "transparent": bool(self.transparent),
@@ -173,6 +171,21 @@ class Scene:
                 "environment": None if self.environment is None else self.environment._native,
             },
         )
+
+    def _check_types(self) -> None:
+        """Attributes may have been set to anything."""
+        given: Any
+        for name, given, kind in (
+            ("camera", self.camera, Camera), ("shutter", self.shutter, Shutter),
+            ("environment", self.environment, Environment),
+        ):
+            if not isinstance(given, kind) and (given is not None or kind is Shutter):
+                raise invalid(name, f"a {type(given).__name__}", f"a splatblur.{kind.__name__}")
+        for name, given, kind in (("objects", self.objects, Object), ("lights", self.lights or (), Light)):
+            if not isinstance(given, (list, tuple)) or not all(isinstance(each, kind) for each in given):
+                raise invalid(name, f"{given!r}"[:200], f"a list of splatblur.{kind.__name__}")
+        if not isinstance(self.name, str):
+            raise invalid("name", f"{self.name!r}"[:200], "a text")
 
     def camera_to_world(self, frame: float) -> npt.NDArray[np.float64]:
         """Camera to world at a time (frames), (4, 4), OpenGL axes: x right, y up, the camera looks along -z."""

@@ -62,7 +62,7 @@ def test_3_a_data_set_that_is_rendered_while_it_is_read():
     losses = []
     for batch in torch.utils.data.DataLoader(data, batch_size=2, shuffle=True):
         loss = criterion(net(batch["blurred"]), batch["sharp"][:, 3])
-        losses.append(float(loss))
+        losses.append(float(loss.detach()))
         assert batch["flow_open_close"].shape == (2, 2, 36, 64) and batch["c2w_open"].shape == (2, 4, 4)
     assert len(losses) == 2 and all(0 < loss < 2 for loss in losses)
 

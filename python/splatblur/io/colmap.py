@@ -190,7 +190,7 @@ def _sound(file: str, name: str, camera: int, pose: Any) -> tuple[str, int, Any,
 
 def _points(place: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     file, binary = _file(place, "points3D")
-    rows = []
+    rows: list[tuple[Any, ...]] = []
     if binary:
         data = _Bytes(file)
         for _ in range(data.take("<Q")[0]):

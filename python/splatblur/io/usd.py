@@ -147,7 +147,7 @@ def _points(points: Any, at: float) -> Model | None:
         primvar = primvars.GetPrimvar(name)
         value = primvar.ComputeFlattened(at) if primvar else None
         columns[key] = None if value is None or len(value) == 0 else np.array(value)
-    fitting = {}
+    fitting: dict[str, Any] = {}
     for key, value in columns.items():
         if value is not None:
             # One entry stands for all points.
@@ -201,7 +201,8 @@ def _world(prim: Any, at: float) -> npt.NDArray[np.float64]:
     """From the prim to the world. USD has row vectors."""
     from pxr import UsdGeom
 
-    return np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(at)).T
+    matrix: npt.NDArray[np.float64] = np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(at)).T
+    return matrix
 
 
 def _placed(prim: Any, model: Model, at: float, frames: tuple[float, float]) -> Object:
@@ -239,8 +240,10 @@ def _instances(file: str, prim: Any, at: float, linear: bool) -> list[Object]:
             continue
         poses = np.stack([parent @ each[number].T for parent, each in zip(parents, made, strict=True)])
         name = f"{prim.GetPath()}[{number}]"
-        placed = {"poses": (times, poses)} if moving else {"transform": poses[0]}
-        objects.append(Object(model, name=name, **placed))  # type: ignore[arg-type]
+        if moving:
+            objects.append(Object(model, name=name, poses=(times, poses)))
+        else:
+            objects.append(Object(model, name=name, transform=poses[0]))
     return objects
 
 
