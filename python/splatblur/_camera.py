@@ -14,7 +14,6 @@ from . import _arrays, _native
 from ._errors import invalid
 from ._native import Camera as NativeCamera
 
-Direction = Literal["down", "up", "right", "left"]
 _MOST_SIZE = 65_535
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -92,7 +91,7 @@ class Camera:
         camera._width, camera._height = size
         return camera
 
-    def _lens(self, K: npt.ArrayLike | None, fovy: float | None, near: float) -> _native.Lens:
+    def _lens(self, K: npt.ArrayLike | None, fovy: float | None, near: float) -> _native._Lens:
         if K is None:
             degrees = 40.0 if fovy is None else _arrays.number(fovy, "fovy")
             if not 0.0 < degrees < 180.0:
@@ -150,7 +149,7 @@ def _found(width: int, height: int) -> Camera:
     return Camera(width, height)
 
 
-def _again(size: tuple[int, int], lens: _native.Lens, look_at: Any, poses: Any) -> Camera:
+def _again(size: tuple[int, int], lens: _native._Lens, look_at: Any, poses: Any) -> Camera:
     if poses is None:
         eye, at, up = look_at
         native = _native.Camera.look(eye, at, up, lens)
@@ -161,7 +160,7 @@ def _again(size: tuple[int, int], lens: _native.Lens, look_at: Any, poses: Any) 
 
 
 def _posed(
-    viewmat: npt.ArrayLike | None, c2w: npt.ArrayLike | None, times: npt.ArrayLike | None, lens: _native.Lens
+    viewmat: npt.ArrayLike | None, c2w: npt.ArrayLike | None, times: npt.ArrayLike | None, lens: _native._Lens
 ) -> _native.Camera:
     if viewmat is not None:
         given = _arrays.matrices(viewmat, "viewmat")
@@ -203,7 +202,7 @@ class Shutter:
     close: float = 0.25
     weight: str = "box"
     readout: float = 0.0
-    direction: Direction = "down"
+    direction: Literal["down", "up", "right", "left"] = "down"
     anchor: Literal["middle", "first"] = "middle"
     fps: float | None = None
 
@@ -215,7 +214,7 @@ class Shutter:
         fps: float,
         readout: float = 0.0,
         weight: str = "box",
-        direction: Direction = "down",
+        direction: Literal["down", "up", "right", "left"] = "down",
         anchor: Literal["middle", "first"] = "middle",
     ) -> Shutter:
         """A shutter in seconds, open around the time of each frame.
@@ -240,7 +239,7 @@ class Shutter:
         half = 0.5 * exposure * fps
         return cls(-half, half, weight, readout * fps, direction, anchor, fps)
 
-    def _values(self) -> _native.ShutterValues:
+    def _values(self) -> _native._ShutterValues:
         return (
             _arrays.number(self.open, "open"),
             _arrays.number(self.close, "close"),

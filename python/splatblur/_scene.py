@@ -175,6 +175,7 @@ class Scene:
     def _check_types(self) -> None:
         """Attributes may have been set to anything."""
         given: Any
+        kind: Any
         for name, given, kind in (
             ("camera", self.camera, Camera), ("shutter", self.shutter, Shutter),
             ("environment", self.environment, Environment),
