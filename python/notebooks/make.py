@@ -10,8 +10,9 @@ import sys
 PAIRS = '''
 # # A capture with camera shake, to 50 pairs for deblurring
 #
-# The guitar that ships with splatblur is a capture of 3D Gaussians. A hand-held camera shakes while the shutter is open.
-# A `Dataset` renders blurred and sharp pictures of it, and we check that the mean of the sharp ones is the blurred one.
+# The guitar that ships with splatblur is a capture of 3D Gaussians. A hand-held camera shakes while the shutter is
+# open. A `Dataset` renders blurred and sharp pictures of it, and we check that the mean of the sharp ones is the
+# blurred one.
 
 import os
 import numpy as np
@@ -50,8 +51,8 @@ def shaken(number):
 data = sb.Dataset(shaken, frames=range(PAIRS), sharp=33, flow=False, channels="last")
 len(data)
 
-# The mean of the sharp pictures, with their weights, is the blurred picture: within what mode auto states for the blurred
-# picture, and for the sharp ones, which share its error. The trapezoid rule over 33 pictures adds a little.
+# The mean of the sharp pictures, with their weights, is the blurred picture: within what mode auto states for the
+# blurred picture, and for the sharp ones, which share its error. The trapezoid rule over 33 pictures adds a little.
 
 errors, stated = [], []
 for pair in data:
@@ -71,7 +72,8 @@ sb.Frame(np.concatenate([pair["blurred"], pair["sharp"][16]], axis=1))
 MODES = '''
 # # How wrong are modes?
 #
-# Each mode renders the same frame of the scene `crossing`; the ray-traced reference says how far each is from the truth.
+# Each mode renders the same frame of the scene `crossing`; the ray-traced reference says how far each is from
+# the truth.
 
 import os
 import matplotlib

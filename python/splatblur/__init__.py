@@ -12,7 +12,8 @@ frame.rgba, frame.depth, frame.stats["stated_error"]
 ```
 
 The guide is docs/python.md. Conventions: right-handed axes; images begin at the top row; colours are linear Rec.709,
-premultiplied by alpha; times are frames, and the shutter is given in frames around the frame number; angles are degrees.
+premultiplied by alpha; times are frames, and the shutter is given in frames around the frame number; angles are
+degrees.
 A camera's keyword is its convention: `viewmat` (OpenCV, world to camera) or `c2w` (OpenGL, camera to world).
 """
 

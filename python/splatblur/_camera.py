@@ -23,7 +23,8 @@ class Camera:
 
     * `eye=`, `at=`, `up=`: points of the world.
     * `viewmat=`: world to camera, OpenCV axes (x right, y down, z forward), as gsplat and COLMAP have it.
-    * `c2w=`: camera to world, OpenGL axes (x right, y up, the camera looks along -z), as nerfstudio and Blender have it.
+    * `c2w=`: camera to world, OpenGL axes (x right, y up, the camera looks along -z), as nerfstudio and Blender have
+      it.
 
     Matrices of shape (T, 4, 4) with `times` move the camera. Without any place the camera sees all objects.
 
@@ -42,7 +43,8 @@ class Camera:
         near: Nearest visible depth, scene units.
 
     Raises:
-        InvalidValue: A matrix has a wrong shape, is singular or not finite, times do not rise, or pixels are not square.
+        InvalidValue: A matrix has a wrong shape, is singular or not finite, times do not rise, or pixels are not
+            square.
     """
 
     def __init__(

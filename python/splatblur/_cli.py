@@ -1,4 +1,4 @@
-"""The program `splatblur`, as the wheel puts it on the PATH. It is the program of the crate, compiled into `_native`."""
+"""The program `splatblur` of the wheel. It is the program of the crate, compiled into `_native`."""
 
 from __future__ import annotations
 

@@ -64,8 +64,8 @@ def colour_map(
     Args:
         values: Numbers of any shape.
         name: `viridis`, `plasma`, `inferno`, `magma`, `cividis`, `turbo`, `coolwarm` or `gray`.
-        range: The values of the first and of the last colour; what is beyond has those. The default is the least and the
-            greatest finite value.
+        range: The values of the first and of the last colour; what is beyond has those. The default is the least and
+            the greatest finite value.
         missing: Linear colour of what is not a number.
 
     Returns:
@@ -79,7 +79,7 @@ def colour_map(
     array = _arrays.real(values, "values").astype(np.float64)
     finite = array[np.isfinite(array)]
     if range is None:
-        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+        low, high = (float(np.min(finite)), float(np.max(finite))) if finite.size else (0.0, 1.0)
     else:
         low, high = (_arrays.number(bound, "range") for bound in range)
         if not (np.isfinite([low, high]).all() and low < high):

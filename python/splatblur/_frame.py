@@ -25,8 +25,8 @@ class Frame:
     Attributes:
         number: The frame number.
         rgba: Linear Rec.709 light, premultiplied by alpha, (H, W, 4) of float32. Alpha is 1 where a background is.
-        stats: Counts and times: `seconds`, `backend`, `samples`, `stated_error` (what mode auto states, root mean square
-            of display values; of a reference the mean standard error), `auto`, `pass_seconds` and others.
+        stats: Counts and times: `seconds`, `backend`, `samples`, `stated_error` (what mode auto states, root mean
+            square of display values; of a reference the mean standard error), `auto`, `pass_seconds` and others.
         object_names: Names of the objects that the layer `object` counts, the first of which is 1.
     """
 
@@ -129,8 +129,8 @@ class Frame:
     def save(self, path: str | PathLike[str], *, bits: int | None = None, compression: str = "zip") -> None:
         """Writes the picture; the file appears whole or not at all.
 
-        A frame of a scene file has the bytes that `splatblur render` writes: its header says what made it. PNG holds the
-        colours alone, EXR all layers.
+        A frame of a scene file has the bytes that `splatblur render` writes: its header says what made it. PNG holds
+        the colours alone, EXR all layers.
 
         Args:
             path: `.png` (sRGB, straight alpha) or `.exr` (linear, premultiplied).

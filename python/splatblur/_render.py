@@ -133,9 +133,9 @@ class Renderer:
             aovs: Layers beside the colours: `alpha`, `depth`, `normal`, `velocity`, `samples`, `error` (of mode auto),
                 `lod_error`, `object`.
             cameras: Renders the frame once for each, and returns a list.
-            look: `seed` (int), `filter` (`box`, `point`, `gaussian:0.5`), `prefilter` (`auto`, `ewa`, `approx`, `none`),
-                `shading` (`phong`, `gouraud`), `detail` (`auto`, `draft`, `good`, `final`, `full`), `two_sided` (bool),
-                `epsilon` (float), `smooth` (bool: a filter along the motion).
+            look: `seed` (int), `filter` (`box`, `point`, `gaussian:0.5`), `prefilter` (`auto`, `ewa`, `approx`,
+                `none`), `shading` (`phong`, `gouraud`), `detail` (`auto`, `draft`, `good`, `final`, `full`),
+                `two_sided` (bool), `epsilon` (float), `smooth` (bool: a filter along the motion).
 
         Returns:
             A `Frame`, or a list of them for `cameras`.

@@ -13,8 +13,7 @@ use splatblur::model::{LoadOptions, load, write_bin, write_ply};
 use splatblur::scene::pose::object_pose;
 use splatblur::{
     AnimationBinding, Gaussians, Invalid, Material, Motion, Optics, Scene, Shape, Source, Surfels, SurfelsBuilder,
-    Transform,
-    VelocityUnit,
+    Transform, VelocityUnit,
 };
 
 use crate::arrays;
@@ -161,7 +160,8 @@ impl Object {
         });
         let rotation: Vec<Quat> = rotation.collect();
         if let Some(row) = rotation.iter().position(|quat| !quat.is_finite()) {
-            return Err(invalid(py, &format!("quats[{row}]"), "without a direction", "finite numbers that are not all 0"));
+            let field = format!("quats[{row}]");
+            return Err(invalid(py, &field, "without a direction", "finite numbers that are not all 0"));
         }
         let (base, harmonics) = match column(columns, "colours", arrays::vectors)? {
             Some(colours) => (colours.into_iter().map(Gaussians::base_of).collect(), Vec::new()),
@@ -420,7 +420,8 @@ where
 fn read_surfels(columns: &Bound<'_, PyDict>) -> PyResult<Surfels> {
     let vectors = |name: &str| Ok::<_, PyErr>(column(columns, name, arrays::vectors)?.unwrap_or_default());
     let materials = column(columns, "material", arrays::fours)?.unwrap_or_default().into_iter();
-    let material = |[ambient, diffuse, specular, shininess]: [f32; 4]| Material { ambient, diffuse, specular, shininess };
+    let material =
+        |[ambient, diffuse, specular, shininess]: [f32; 4]| Material { ambient, diffuse, specular, shininess };
     Ok(Surfels {
         origin: DVec3::from_array(value(columns, "origin")?),
         position: vectors("position")?,

@@ -101,10 +101,7 @@ fn of_array(rgba: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Picture> {
 
 /// The codes of a PNG file, (H, W, 4) of uint8, with straight alpha.
 #[pyfunction]
-pub(crate) fn srgb8<'py>(
-    py: Python<'py>,
-    rgba: PyReadonlyArrayDyn<'py, f32>,
-) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+pub(crate) fn srgb8<'py>(py: Python<'py>, rgba: PyReadonlyArrayDyn<'py, f32>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
     let picture = of_array(&rgba)?;
     let codes = py.detach(|| srgb_codes(&picture, true)).or_raise(py)?;
     arrays::array(py, codes, &[picture.height as usize, picture.width as usize, 4])
@@ -202,9 +199,9 @@ pub(crate) fn compare<'py>(
 ) -> PyResult<Vec<f64>> {
     crate::errors::guard(py)?;
     let known = || Metric::ALL.map(Metric::name).join(", ");
-    let metrics = metrics.iter().map(|name| {
-        Metric::from_name(name).ok_or_else(|| invalid(py, "metrics", &format!("`{name}`"), &known()))
-    });
+    let metrics = metrics
+        .iter()
+        .map(|name| Metric::from_name(name).ok_or_else(|| invalid(py, "metrics", &format!("`{name}`"), &known())));
     let metrics = metrics.collect::<PyResult<Vec<_>>>()?;
     let (a, b) = (of_array(&a)?, of_array(&b)?);
     let compared = py.detach(|| Comparison::new(&a, &b, &metrics)).or_raise(py)?;

@@ -106,12 +106,17 @@ impl Renderer {
         work: impl FnOnce(&mut splatblur::Renderer) -> Result<T, BackendError> + Send,
     ) -> PyResult<Result<T, BackendError>> {
         let stop = Arc::new(Stop::default());
-        interruptible(py, &stop, |_| Ok(()), || {
-            let mut renderer = self.wait(&stop).ok_or(BackendError::Stopped)?;
-            renderer.heed(Arc::clone(&stop));
-            let renderer: &mut splatblur::Renderer = &mut renderer;
-            self.install(|| work(renderer))
-        })
+        interruptible(
+            py,
+            &stop,
+            |_| Ok(()),
+            || {
+                let mut renderer = self.wait(&stop).ok_or(BackendError::Stopped)?;
+                renderer.heed(Arc::clone(&stop));
+                let renderer: &mut splatblur::Renderer = &mut renderer;
+                self.install(|| work(renderer))
+            },
+        )
     }
 }
 
@@ -158,11 +163,7 @@ fn of_stats<'py>(py: Python<'py>, stats: &Stats, seconds: f64, backend: &str) ->
 }
 
 /// What is known of a picture, beside its arrays.
-fn finish<'py>(
-    arrays: Bound<'py, PyDict>,
-    stats: Bound<'py, PyDict>,
-    origin: Origin,
-) -> PyResult<Bound<'py, PyDict>> {
+fn finish<'py>(arrays: Bound<'py, PyDict>, stats: Bound<'py, PyDict>, origin: Origin) -> PyResult<Bound<'py, PyDict>> {
     arrays.set_item("stats", stats)?;
     arrays.set_item("transparent", origin.scene.image.transparent)?;
     arrays.set_item("origin", Bound::new(arrays.py(), origin)?)?;
@@ -231,7 +232,7 @@ impl Renderer {
         finish(to_arrays(py, rendered.picture)?, stats, origin)
     }
 
-    /// Traces the reference of a frame; gives its arrays, `stats` and `origin`. `told` hears of the round and its share.
+    /// Traces the reference of a frame; gives its arrays, `stats` and `origin`. `told` hears the share that is done.
     #[pyo3(signature = (scene, frame, choices, samples, error = None, told = None))]
     #[allow(clippy::too_many_arguments, reason = "keywords of one call of the Python layer")]
     fn reference<'py>(

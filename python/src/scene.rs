@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods as _};
+use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
-use splatblur::fields::LoadedScene;
+use splatblur::fields::{LoadedScene, OptionError};
 use splatblur::glam::{DMat3, DMat4, DVec2, DVec3};
 use splatblur::scene::pose::camera_from_world;
 use splatblur::scene_file::{SceneLoadOptions, load_model, to_xml};
@@ -168,11 +169,12 @@ type ShutterValues = (f64, f64, String, f64, String, String);
 type LightValues = (String, [f64; 3], [f64; 3]);
 
 fn shutter(py: Python<'_>, (open, close, weight, duration, direction, anchor): ShutterValues) -> PyResult<Shutter> {
-    let weight: Weight =
-        weight.parse().map_err(|error: splatblur::fields::OptionError| invalid(py, "weight", &weight, &error.to_string()))?;
-    let direction = Direction::ALL.into_iter().find(|known| known.name() == direction).ok_or_else(|| {
-        invalid(py, "direction", &format!("`{direction}`"), "down, up, right or left")
-    })?;
+    let refused = |why: OptionError| invalid(py, "weight", &weight, &why.to_string());
+    let weight: Weight = weight.parse().map_err(refused)?;
+    let direction = Direction::ALL
+        .into_iter()
+        .find(|known| known.name() == direction)
+        .ok_or_else(|| invalid(py, "direction", &format!("`{direction}`"), "down, up, right or left"))?;
     let anchor = Anchor::ALL.into_iter().find(|known| known.name() == anchor);
     let anchor = anchor.ok_or_else(|| invalid(py, "anchor", "unknown", "middle or first"))?;
     Ok(Shutter { open, close, weight, readout: Readout { duration, direction, anchor } })
@@ -211,9 +213,9 @@ impl Scene {
     fn load(py: Python<'_>, path: PathBuf, size: Option<(u32, u32)>, lenient: bool) -> PyResult<Self> {
         guard(py)?;
         let mut start = [0; 4096];
-        let count = files::open(&path).ok().map_or(0, |mut file| {
-            std::io::Read::read(&mut file, &mut start).unwrap_or_default()
-        });
+        let count = files::open(&path)
+            .ok()
+            .map_or(0, |mut file| std::io::Read::read(&mut file, &mut start).unwrap_or_default());
         let LoadedScene { scene, notes } = if is_xml(&start[..count], &path) {
             let opening = splatblur::Scene::open(&path);
             let opening = if lenient { opening.lenient() } else { opening };
@@ -244,8 +246,9 @@ impl Scene {
         let own: Result<Vec<_>, _> = objects.iter().map(|object| object.get().at_rate(rate)).collect();
         let own = own.or_raise(py)?;
         let in_code = objects.iter().any(|object| {
-            object.get().poses.is_some()
-                || object.get().object.source.path.as_os_str().is_empty() && object.get().object.shape.sequence().is_none()
+            let Object { object, poses, .. } = object.get();
+            let has_no_file = object.source.path.as_os_str().is_empty() && object.shape.sequence().is_none();
+            poses.is_some() || has_no_file
         });
         let mut scene = match base {
             Some(base) => splatblur::Scene { objects: own, ..(*base.get().scene).clone() },
@@ -351,7 +354,7 @@ impl Scene {
         let directory = path.parent().unwrap_or(Path::new(""));
         let text = to_xml(&self.scene, directory);
         let written = py.detach(|| files::replace(&path, text.as_bytes()));
-        written.map_err(|error| pyo3::exceptions::PyOSError::new_err(format!("cannot write {}: {error}", path.display())))
+        written.map_err(|error| PyOSError::new_err(format!("cannot write {}: {error}", path.display())))
     }
 }
 

@@ -34,7 +34,7 @@ def counted(seconds: float, until: threading.Event | None = None) -> float:
 
 
 def test_another_thread_runs_meanwhile():
-    """As fast as beside another process: a lock that is held would stop it, other work on the machine does not count."""
+    """As fast as beside another process. A held lock would stop it; other work on the machine does not count."""
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("one core")
     renderer, scene = sb.Renderer("cpu", threads=1), heavy()
@@ -153,8 +153,8 @@ def test_choices_that_do_not_exist_are_refused(renderer):
     scene = sb.Scene(ball(), camera=front())
     wrong = [
         {"mode": "fast"}, {"mode": "supersample:0"}, {"mode": 8}, {"aovs": "colour"}, {"aovs": ["depth", "depth"]},
-        {"filter": "wide"}, {"prefilter": "x"}, {"shading": "flat"}, {"detail": "high"}, {"seed": -1}, {"epsilon": -1.0},
-        {"frame": np.nan}, {"frame": "1"}, {"cameras": [1]},
+        {"filter": "wide"}, {"prefilter": "x"}, {"shading": "flat"}, {"detail": "high"}, {"seed": -1},
+        {"epsilon": -1.0}, {"frame": np.nan}, {"frame": "1"}, {"cameras": [1]},
     ]
     for options in wrong:
         with pytest.raises((sb.InvalidValue, sb.RenderError)):

@@ -25,7 +25,7 @@ def test_the_guide_runs(tmp_path, monkeypatch):
     names: dict[str, object] = {}
     for block in blocks:
         # A look, instead of hours.
-        block = block.replace("samples=1024", "samples=64").replace("(480, 270)", "(64, 36)").replace("480, 270", "64, 36")
+        block = block.replace("samples=1024", "samples=64").replace("480, 270", "64, 36")
         block = block.replace("range(1000)", "range(4)")
         if "torch" in block:
             torch = pytest.importorskip("torch") if "torch" in sys.modules or _has("torch") else None

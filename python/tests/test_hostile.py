@@ -73,7 +73,9 @@ def arrays(draw, shape=None):
 
 
 def anything(shape=None):
-    others = st.sampled_from([None, "text", 1, 1.5, [], {}, [[1, 2, 3]], [[1, 2], [3]], object(), b"x", (1, 2, 3), True])
+    others = st.sampled_from(
+        [None, "text", 1, 1.5, [], {}, [[1, 2, 3]], [[1, 2], [3]], object(), b"x", (1, 2, 3), True]
+    )
     return st.one_of(arrays(shape), arrays(shape), arrays(shape), others)
 
 
@@ -176,7 +178,8 @@ def test_settings_of_scenes(renderer, data):
 @LIMITS
 @given(data=st.data())
 def test_pictures(data):
-    a, b = (data.draw(st.one_of(anything(), hn.arrays(np.float32, (12, 12, 4), elements=st.floats(width=32)))) for _ in "ab")
+    good = hn.arrays(np.float32, (12, 12, 4), elements=st.floats(width=32))
+    a, b = (data.draw(st.one_of(anything(), good)) for _ in "ab")
     tried(lambda: sb.compare(a, b, ["flip", "ssim", "psnr"]))
     tried(lambda: sb.Frame(a)._repr_png_())
     tried(lambda: sb.colour_map(a, data.draw(st.sampled_from(["viridis", "x"]))))
@@ -217,7 +220,10 @@ def test_arrays_of_frames_that_were_spoiled(renderer, tmp_path):
         frame._repr_png_()
 
 
-@pytest.mark.parametrize("attribute", ["objects", "camera", "shutter", "lights", "background", "environment", "rate", "name"])
+ATTRIBUTES = ["objects", "camera", "shutter", "lights", "background", "environment", "rate", "name"]
+
+
+@pytest.mark.parametrize("attribute", ATTRIBUTES)
 def test_attributes_that_were_spoiled(renderer, attribute):
     for value in (None, 7, "x", [1], object(), np.nan):
         scene = sb.load(SCENES / "swarm.xml", size=(16, 12))

@@ -167,9 +167,10 @@ def test_scene_files_are_loaded_changed_and_saved(renderer, tmp_path):
         scene["bell"]
     before = renderer.render(scene, 12).rgba
     scene["ball"].blur = False
+    posed = renderer.render(scene, 12).rgba
     scene.shutter = sb.Shutter(-0.5, 0.5, weight="tent")
     changed = renderer.render(scene, 12).rgba
-    assert not np.array_equal(before, changed)
+    assert not np.array_equal(before, posed) and not np.array_equal(posed, changed)
     scene.save(tmp_path / "changed.xml")
     assert np.array_equal(renderer.render(sb.load(tmp_path / "changed.xml"), 12).rgba, changed)
     scene.camera = front(48, 27)
@@ -192,19 +193,21 @@ def test_scenes_are_pickled(renderer):
     loaded = sb.load(SCENES / "guitar_ball.xml", size=(48, 27))
     loaded.shutter = sb.Shutter(-0.5, 0.5)
     loaded.objects[0].opacity = 0.5
+    flight = sb.load(SCENES / "guitar_flight.xml", size=(48, 27))
     made = sb.Scene(
         [sb.Object(ball(), velocity=(1, 0, 0)), ball(velocities=[24, 0, 0])],
         camera=sb.Camera(48, 27, c2w=[shifted(0, 0, 5), shifted(0, 1, 5)], times=[0, 9]),
         environment=np.full((4, 8, 3), 0.1, np.float32),
         lights=[sb.Light.point((1, 2, 3), (10, 20, 30))],
     )
-    for scene in (loaded, made):
+    for scene in (loaded, flight, made):
         again = pickle.loads(pickle.dumps(scene))
         assert np.array_equal(renderer.render(again, 3).rgba, renderer.render(scene, 3).rgba)
 
 
 def test_models_are_loaded_by_path(renderer):
-    scene = sb.Scene([sb.Object(SCENES / "models" / "ball.ply", name="b"), SCENES / "models" / "spot.sfl"], size=(48, 36))
+    models = SCENES / "models"
+    scene = sb.Scene([sb.Object(models / "ball.ply", name="b"), models / "spot.sfl"], size=(48, 36))
     assert [each.model.kind for each in scene.objects] == ["surfels"] * 2
     assert renderer.render(scene, aovs="object").object.max() == 2
     again = pickle.loads(pickle.dumps(scene))
@@ -244,6 +247,13 @@ def test_captures_are_saved_as_ply(renderer, tmp_path):
     a, b = (renderer.render(each).rgba for each in (scene, sb.load(tmp_path / "a.xml")))
     # PLY holds logits and logarithms, which round.
     assert a.max() > 0.1 and np.abs(a - b).max() < 1e-3
+    rng = np.random.default_rng(4)
+    sh = rng.normal(size=(9, 16, 3))
+    rich = sb.Gaussians(rng.normal(size=(9, 3)), rng.normal(size=(9, 4)), np.full((9, 3), 0.2), np.full(9, 0.7), sh=sh)
+    scene = sb.Scene(sb.Object(rich, name="g"), size=(48, 36))
+    scene.save(tmp_path / "b.xml")
+    a, b = (renderer.render(each).rgba for each in (scene, sb.load(tmp_path / "b.xml")))
+    assert a.max() > 0.1 and np.abs(a - b).max() < 1e-3
 
 
 def test_gaussians_have_gsplats_names_and_shapes(renderer):
@@ -270,7 +280,9 @@ def test_gaussians_have_gsplats_names_and_shapes(renderer):
         assert ((light > 0.1).any(axis=1).sum() > (light > 0.1).any(axis=0).sum()) == tall
     again = pickle.loads(pickle.dumps(by_sh))
     assert np.array_equal(renderer.render(sb.Scene(again, camera=camera)).rgba, b)
-    for wrong in [{"quats": np.zeros((n, 4))}, {"scales": -scales}, {"opacities": opacities + 1}, {"means": means * np.nan}]:
+    spoiled = [{"quats": np.zeros((n, 4))}, {"scales": -scales}, {"opacities": opacities + 1}]
+    spoiled += [{"means": means * np.nan}]
+    for wrong in spoiled:
         given = {"means": means, "quats": quats, "scales": scales, "opacities": opacities, "colors": colours} | wrong
         with pytest.raises(sb.InvalidValue):
             sb.Gaussians(given.pop("means"), given.pop("quats"), given.pop("scales"), given.pop("opacities"), **given)

@@ -31,8 +31,8 @@ def load(
     """The scene of a stage at a time: its `Points`, point instancers of them, Gaussian splats, and a camera.
 
     Motion is what USD says: points move by their velocities and accelerations, instances by theirs, and prims by
-    the samples of their transforms. `widths` are diameters. Axes stay as they are: a stage whose +z is up needs a camera
-    of its own. Meshes are left out with a warning.
+    the samples of their transforms. `widths` are diameters. Axes stay as they are: a stage whose +z is up needs a
+    camera of its own. Meshes are left out with a warning.
 
     Args:
         path: A `.usd`, `.usda`, `.usdc` or `.usdz` file.

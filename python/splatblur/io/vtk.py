@@ -63,17 +63,15 @@ def _positions(data: Any) -> Any:
 
 
 def _data(name: str) -> Any:
-    from vtkmodules.vtkCommonCore import vtkObject
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
     from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
     from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader
 
     is_legacy = name.lower().endswith(".vtk")
     reader: Any = vtkGenericDataObjectReader() if is_legacy else vtkXMLGenericDataObjectReader()
     # Readers of VTK print what is wrong, and hand out what they could read; here it is an exception.
-    failed: list[str] = []
-    reader.AddObserver("ErrorEvent", lambda *_: failed.append("an error of its reader"))
-    shown = vtkObject.GetGlobalWarningDisplay()
-    vtkObject.GlobalWarningDisplayOff()
+    shown, said = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(said)
     try:
         reader.SetFileName(name)
         if is_legacy:
@@ -82,11 +80,12 @@ def _data(name: str) -> Any:
             reader.ReadAllNormalsOn()
             reader.ReadAllFieldsOn()
         reader.Update()
-        data = reader.GetOutput() if reader.GetErrorCode() == 0 else None
+        data = reader.GetOutput()
     finally:
-        vtkObject.SetGlobalWarningDisplay(shown)
-    if data is None or failed:
-        raise refused(name, "what its reader refuses", "a file of VTK")
+        vtkOutputWindow.SetInstance(shown)
+    wrong = said.GetOutput().strip()
+    if data is None or wrong:
+        raise refused(name, f"what its reader refuses ({wrong.splitlines()[-1:]})"[:300], "a file of VTK")
     return data
 
 
