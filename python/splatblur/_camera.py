@@ -267,24 +267,39 @@ class Light:
     colour: tuple[float, float, float]
 
     @classmethod
-    def directional(cls, direction: npt.ArrayLike, colour: npt.ArrayLike = 1.0) -> Light:
+    def directional(
+        cls, direction: npt.ArrayLike, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None
+    ) -> Light:
         """Light that travels along `direction`, (3,), from infinitely far. One number is a grey colour."""
         way = np.array(_arrays.three(direction, "direction"))
         length = float(np.linalg.norm(way))
         if not length > 0.0:
             raise invalid("direction", "0", "a direction")
         x, y, z = (float(part) for part in way / length)
-        return cls("directional", (x, y, z), _arrays.three(colour, "colour"))
+        return cls("directional", (x, y, z), _colour(colour, color))
 
     @classmethod
-    def point(cls, position: npt.ArrayLike, colour: npt.ArrayLike = 1.0) -> Light:
+    def point(
+        cls, position: npt.ArrayLike, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None
+    ) -> Light:
         """A light at `position`, (3,), that falls off with the square of the distance."""
-        return cls("point", _arrays.three(position, "position"), _arrays.three(colour, "colour"))
+        return cls("point", _arrays.three(position, "position"), _colour(colour, color))
 
     @classmethod
-    def ambient(cls, colour: npt.ArrayLike = 1.0) -> Light:
+    def ambient(cls, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None) -> Light:
         """Light from everywhere."""
-        return cls("ambient", (0.0, 0.0, 0.0), _arrays.three(colour, "colour"))
+        return cls("ambient", (0.0, 0.0, 0.0), _colour(colour, color))
+
+    @property
+    def color(self) -> tuple[float, float, float]:
+        """The same as `colour`."""
+        return self.colour
+
+
+def _colour(colour: npt.ArrayLike | None, color: npt.ArrayLike | None) -> tuple[float, float, float]:
+    """The colour of a light, white where none is given."""
+    given = _arrays.one_of(colour, color, "colour", "color")
+    return _arrays.three(1.0 if given is None else given, "colour")
 
 
 class Environment:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import Any, Callable, Iterable, Iterator, Literal, Sequence
+from typing import Any, Callable, Iterable, Iterator, Sequence, overload
 
 from . import _arrays, _native
 from ._camera import Camera
@@ -89,17 +89,18 @@ class Renderer:
     Args:
         device: `auto` (a hardware GPU if there is one, else the CPU), `cpu`, `gpu`, or a part of the name of a GPU.
         threads: Threads of the CPU, 1 to 1024. The default is all cores. Pictures do not depend on it.
-        memory: Bytes that a frame and its models may take together. Pictures do not depend on it.
+        memory: Bytes that a frame and its models may take together. The default is half of what there is, and at least
+            1 GiB; more than there is is not taken. Pictures do not depend on it.
 
     Raises:
         RenderError: There is no such device.
     """
 
-    def __init__(self, device: str = "auto", *, threads: int | None = None, memory: int = 1 << 30) -> None:
+    def __init__(self, device: str = "auto", *, threads: int | None = None, memory: int | None = None) -> None:
         if not isinstance(device, str):
             raise invalid("device", f"{device!r}"[:200], "'auto', 'cpu', 'gpu' or a part of a name")
         threads = None if threads is None else _arrays.count(threads, "threads", 1, 1024)
-        memory = _arrays.count(memory, "memory", 1, 2**63 - 1)
+        memory = None if memory is None else _arrays.count(memory, "memory", 1, 2**63 - 1)
         if "XDG_RUNTIME_DIR" not in os.environ:
             # Else a layer of Mesa prints an error where nothing is wrong (src/cli/selection.rs).
             os.environ.setdefault("NODEVICE_SELECT", "1")
@@ -113,6 +114,17 @@ class Renderer:
     def __repr__(self) -> str:
         return f"<splatblur.Renderer: {self._native.description}>"
 
+    @overload
+    def render(
+        self, scene: Scene, frame: float = 0, mode: str = "auto", aovs: Aovs = (), *, cameras: None = None, **look: Any
+    ) -> Frame: ...
+
+    @overload
+    def render(
+        self, scene: Scene, frame: float = 0, mode: str = "auto", aovs: Aovs = (), *, cameras: Sequence[Camera],
+        **look: Any,
+    ) -> list[Frame]: ...
+
     def render(
         self,
         scene: Scene,
@@ -122,7 +134,7 @@ class Renderer:
         *,
         cameras: Sequence[Camera] | None = None,
         **look: Any,
-    ) -> Any:
+    ) -> Frame | list[Frame]:
         """Renders a frame.
 
         Args:
@@ -256,6 +268,20 @@ def shared(device: str = "auto") -> Renderer:
     return _SHARED[key]
 
 
+@overload
+def render(
+    scene: Scene, frame: float = 0, mode: str = "auto", aovs: Aovs = (), *, cameras: None = None, device: str = "auto",
+    **look: Any,
+) -> Frame: ...
+
+
+@overload
+def render(
+    scene: Scene, frame: float = 0, mode: str = "auto", aovs: Aovs = (), *, cameras: Sequence[Camera],
+    device: str = "auto", **look: Any,
+) -> list[Frame]: ...
+
+
 def render(
     scene: Scene,
     frame: float = 0,
@@ -263,8 +289,8 @@ def render(
     aovs: Aovs = (),
     *,
     cameras: Sequence[Camera] | None = None,
-    device: Literal["auto", "cpu", "gpu"] = "auto",
+    device: str = "auto",
     **look: Any,
-) -> Any:
+) -> Frame | list[Frame]:
     """Renders a frame on a renderer that all calls share; see `Renderer.render`."""
     return shared(device).render(scene, frame, mode, aovs, cameras=cameras, **look)

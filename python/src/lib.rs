@@ -11,7 +11,6 @@ mod picture;
 mod program;
 mod render;
 mod scene;
-mod words;
 
 /// The command line of the main crate, as it stands.
 #[path = "../../src/cli/mod.rs"]

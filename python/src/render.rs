@@ -14,11 +14,12 @@ use splatblur::options::in_order;
 use splatblur::reference::{self, Reference, ReferenceOptions};
 use splatblur::{Aov, BackendError, Device, Look, RenderOptions, Stats, Stop};
 
+use crate::cli::memory::budget;
+use crate::cli::words::with_flags;
 use crate::dataset;
 use crate::errors::{OrRaise as _, Raise as _, guard, interruptible, invalid};
 use crate::picture::{How, Origin, to_arrays};
 use crate::scene::Scene;
-use crate::words::with_flags;
 
 /// A device that renders. It may be used by several threads, one after the other.
 #[pyclass(frozen, module = "splatblur._native")]
@@ -180,7 +181,7 @@ impl Renderer {
     /// Opens `auto`, `cpu`, `gpu`, or a GPU by a part of its name.
     #[new]
     #[pyo3(signature = (device, threads, memory))]
-    fn new(py: Python<'_>, device: &str, threads: Option<usize>, memory: u64) -> PyResult<Self> {
+    fn new(py: Python<'_>, device: &str, threads: Option<usize>, memory: Option<u64>) -> PyResult<Self> {
         guard(py)?;
         let device = match device {
             "auto" => Device::Auto,
@@ -198,6 +199,7 @@ impl Renderer {
         };
         let renderer = py.detach(|| splatblur::Renderer::open(device)).or_raise(py)?;
         let threads = pool.as_ref().map_or_else(rayon::current_num_threads, ThreadPool::current_num_threads);
+        let memory = budget(memory, renderer.backend_name() == "gpu", true);
         let (backend, description) = (renderer.backend_name(), renderer.describe_with(threads));
         Ok(Self { renderer: Mutex::new(renderer), pool, memory, backend, description })
     }

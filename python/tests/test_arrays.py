@@ -169,6 +169,7 @@ def test_spellings():
     columns = [sb.Points(sphere(50), normals=sphere(50), **{name: colours})._native.columns() for name in
                ("colors", "colours")]
     assert np.array_equal(columns[0]["colour"], columns[1]["colour"])
+    assert sb.Light.ambient(color=0.5) == sb.Light.ambient(0.5) and sb.Light.ambient(0.5).color == (0.5, 0.5, 0.5)
     with pytest.raises(TypeError, match="the same"):
         ball(colours=colours, colors=colours)
 

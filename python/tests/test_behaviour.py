@@ -149,6 +149,16 @@ def test_pictures_do_not_depend_on_threads_or_memory():
     assert "RenderOptions" not in str(refused.value)
 
 
+def test_a_renderer_forgets_the_scene_before():
+    """Layers of see-through surfels once stayed, and were laid over the next scene."""
+    glass, guitar = (sb.load(SCENES / f"{name}.xml", size=(96, 54)) for name in ("glass", "guitar_ball"))
+    wanted = sb.Renderer("cpu").render(guitar, 0).rgba
+    used = sb.Renderer("cpu")
+    used.render(glass, 6)
+    assert np.array_equal(used.render(guitar, 0).rgba, wanted)
+    used.render(guitar, 0, aovs=["alpha", "depth", "velocity", "normal"])
+
+
 def test_choices_that_do_not_exist_are_refused(renderer):
     scene = sb.Scene(ball(), camera=front())
     wrong = [

@@ -13,7 +13,7 @@ mod frames;
 mod generate;
 mod info;
 mod licences;
-mod memory;
+pub(crate) mod memory;
 mod output;
 mod progress;
 mod reference;
@@ -28,7 +28,7 @@ mod thesis;
 mod values;
 #[cfg(feature = "viewer")]
 mod view;
-mod words;
+pub(crate) mod words;
 
 use std::ffi::OsString;
 use std::io;
