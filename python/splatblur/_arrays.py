@@ -9,10 +9,8 @@ import numpy.typing as npt
 
 from ._errors import invalid
 
-_Array = npt.NDArray[Any]
 
-
-def numpy_of(value: object, name: str) -> _Array:
+def numpy_of(value: object, name: str) -> npt.NDArray[Any]:
     """A numpy array of anything that is one: arrays, tensors by `__dlpack__` or `__array__`, nested lists.
 
     Tensors are detached from their gradients, and copied to main memory where they are on a GPU.
@@ -37,7 +35,7 @@ def numpy_of(value: object, name: str) -> _Array:
         raise invalid(name, f"a {type(value).__name__}", f"an array of numbers ({why})") from why
 
 
-def real(value: object, name: str) -> _Array:
+def real(value: object, name: str) -> npt.NDArray[Any]:
     """An array of real numbers, float32 or float64, in the machine's byte order; not copied where it is that."""
     array = numpy_of(value, name)
     if array.dtype.kind not in "fiub":
@@ -50,12 +48,12 @@ def real(value: object, name: str) -> _Array:
         return array.astype(wanted)
 
 
-def ready(array: _Array) -> _Array:
+def ready(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """The array, C-contiguous and aligned; not copied where it is that."""
     return np.require(array, requirements=["C", "A"])
 
 
-def column(value: object, name: str, rows: int | None, width: int | None) -> _Array:
+def column(value: object, name: str, rows: int | None, width: int | None) -> npt.NDArray[Any]:
     """A column of a model: (N,) or (N, width). One row stands for all, where the number of rows is known."""
     array = real(value, name)
     shape = "(N,)" if width is None else f"(N, {width})"
@@ -70,7 +68,7 @@ def column(value: object, name: str, rows: int | None, width: int | None) -> _Ar
     return ready(array)
 
 
-def colours(value: object, name: str, rows: int) -> _Array:
+def colours(value: object, name: str, rows: int) -> npt.NDArray[Any]:
     """A column of linear colours. Whole numbers are refused: they are codes, which somebody has to decode."""
     array = numpy_of(value, name)
     if array.dtype.kind in "iu" and array.size and array.max() > 1:
@@ -79,7 +77,7 @@ def colours(value: object, name: str, rows: int) -> _Array:
     return column(array, name, rows, 3)
 
 
-def whole(value: object, name: str, rows: int) -> _Array:
+def whole(value: object, name: str, rows: int) -> npt.NDArray[Any]:
     """A column of whole numbers."""
     array = numpy_of(value, name)
     if array.dtype.kind not in "iu" or array.shape != (rows,):
@@ -89,7 +87,7 @@ def whole(value: object, name: str, rows: int) -> _Array:
     return ready(array.astype(np.int64, copy=False))
 
 
-def matrices(value: object, name: str) -> _Array:
+def matrices(value: object, name: str) -> npt.NDArray[Any]:
     """Transforms, (T, 4, 4) of float64; (4, 4) is one, and a missing last row is 0 0 0 1."""
     array = real(value, name).astype(np.float64, copy=False)
     if array.ndim == 2:
@@ -106,7 +104,7 @@ def matrices(value: object, name: str) -> _Array:
     return ready(array)
 
 
-def times(value: object, name: str, count: int) -> _Array:
+def times(value: object, name: str, count: int) -> npt.NDArray[Any]:
     """Times of poses, frames: as many as poses, rising."""
     array = real(value, name).astype(np.float64, copy=False)
     if array.shape != (count,):
@@ -142,7 +140,7 @@ def count(value: object, name: str, least: int, most: int) -> int:
     return found
 
 
-def picture(value: object, name: str) -> _Array:
+def picture(value: object, name: str) -> npt.NDArray[Any]:
     """Pixels (H, W, 4) of float32: linear, premultiplied. (H, W, 3) is opaque."""
     array = real(value, name)
     if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:

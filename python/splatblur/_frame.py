@@ -11,7 +11,6 @@ import numpy.typing as npt
 from . import _arrays, _native
 from ._errors import invalid
 
-_Floats = npt.NDArray[np.float32]
 Metrics = str | Sequence[str]
 
 
@@ -32,11 +31,11 @@ class Frame:
 
     def __init__(self, rgba: npt.ArrayLike, *, number: float = 0.0, layers: dict[str, Any] | None = None) -> None:
         """A frame of arrays: `rgba` (H, W, 4), or (H, W, 3) which is opaque, linear and premultiplied."""
-        self.rgba: _Floats = _arrays.picture(rgba, "rgba")
+        self.rgba: npt.NDArray[np.float32] = _arrays.picture(rgba, "rgba")
         self.number = number
         self.stats: dict[str, Any] = {}
         self.object_names: list[str] = []
-        self._layers: dict[str, _Floats] = dict(layers or {})
+        self._layers: dict[str, npt.NDArray[np.float32]] = dict(layers or {})
         self._transparent = bool((self.rgba[..., 3] < 1.0).any())
         self._origin: _native.Origin | None = None
         self._address: int | None = None
@@ -70,54 +69,54 @@ class Frame:
         """Names of the layers that were rendered beside the colours."""
         return tuple(self._layers)
 
-    def _layer(self, name: str) -> _Floats:
+    def _layer(self, name: str) -> npt.NDArray[np.float32]:
         if name not in self._layers:
             raise AttributeError(f"the frame has no layer {name!r}: render it with aovs=[{name!r}]")
         return self._layers[name]
 
     @property
-    def alpha(self) -> _Floats:
+    def alpha(self) -> npt.NDArray[np.float32]:
         """Share of the exposure in which surfaces cover the pixel, 0 to 1, (H, W)."""
         return self._layer("alpha")
 
     @property
-    def depth(self) -> _Floats:
+    def depth(self) -> npt.NDArray[np.float32]:
         """Distance along the camera's axis, scene units, (H, W); infinite where nothing is seen."""
         return self._layer("depth")
 
     @property
-    def normal(self) -> _Floats:
+    def normal(self) -> npt.NDArray[np.float32]:
         """Mean shading normal, world space, (H, W, 3); 0 where nothing is seen."""
         return self._layer("normal")
 
     @property
-    def velocity(self) -> _Floats:
+    def velocity(self) -> npt.NDArray[np.float32]:
         """Mean motion on the image, pixels a shutter, x right and y down, (H, W, 2); 0 where nothing is seen."""
         return self._layer("velocity")
 
     @property
-    def samples(self) -> _Floats:
+    def samples(self) -> npt.NDArray[np.float32]:
         """Time samples of the pixel, (H, W)."""
         return self._layer("samples")
 
     @property
-    def object(self) -> _Floats:
+    def object(self) -> npt.NDArray[np.float32]:
         """Number of the object with the largest share of the pixel, (H, W), from 1; 0 where nothing is seen."""
         return self._layer("object")
 
     @property
-    def error(self) -> _Floats:
+    def error(self) -> npt.NDArray[np.float32]:
         """Error of r, g, b and coverage, (H, W, 4): of a reference its standard error in linear light, of mode auto its
         estimate for the block around, root mean square of display values."""
         return self._layer("error")
 
     @property
-    def standard_error(self) -> _Floats:
+    def standard_error(self) -> npt.NDArray[np.float32]:
         """Standard error of r, g, b and coverage of a reference, (H, W, 4), linear light."""
         return self._layer("error")
 
     @property
-    def lod_error(self) -> _Floats:
+    def lod_error(self) -> npt.NDArray[np.float32]:
         """Error by detail that is left out, for the block around, (H, W), root mean square of display values."""
         return self._layer("lod_error")
 
@@ -183,7 +182,7 @@ def read(path: str | PathLike[str]) -> Frame:
 Picture = Frame | str | PathLike[str] | npt.ArrayLike
 
 
-def _pixels(value: Picture, name: str) -> _Floats:
+def _pixels(value: Picture, name: str) -> npt.NDArray[np.float32]:
     if isinstance(value, (str, PathLike)):
         value = read(value)
     return _arrays.picture(value.rgba if isinstance(value, Frame) else value, name)
