@@ -34,8 +34,8 @@ def shaken(number):
     middle, size = (low + high) / 2, np.linalg.norm(high - low)
     eye = middle + size * np.array([np.sin(angle), -0.15, np.cos(angle)])
     poses = np.zeros((33, 4, 4))
-    shifts = 0.006 * size * np.stack([waves(), waves(), waves()], axis=1)
-    turns = 0.006 * size * np.stack([waves(), waves(), waves()], axis=1)
+    shifts = 0.004 * size * np.stack([waves(), waves(), waves()], axis=1)
+    turns = 0.004 * size * np.stack([waves(), waves(), waves()], axis=1)
     for pose, shift, turn in zip(poses, shifts, turns):
         back = eye + shift - (middle + turn)
         back /= np.linalg.norm(back)
@@ -43,16 +43,18 @@ def shaken(number):
         right /= np.linalg.norm(right)
         pose[:3] = np.stack([right, np.cross(back, right), back, eye + shift], axis=1)
         pose[3, 3] = 1
-    camera = sb.Camera(160, 120, fovy=40, c2w=poses, times=times)
+    camera = sb.Camera(96, 72, fovy=40, c2w=poses, times=times)
     return sb.Scene(guitar, camera=camera, shutter=sb.Shutter(-0.4, 0.4), background=0.2)
 
-# Fifty pairs, with 33 sharp pictures each; they are rendered when they are asked for.
+# Fifty pairs, with 9 sharp pictures each; they are rendered when they are asked for.
 
-data = sb.Dataset(shaken, frames=range(PAIRS), sharp=33, flow=False, channels="last")
+mode = "auto:draft+interleave=none"
+data = sb.Dataset(shaken, frames=range(PAIRS), sharp=9, flow=False, channels="last", mode=mode)
 len(data)
 
-# The mean of the sharp pictures, with their weights, is the blurred picture: within what mode auto states for the
-# blurred picture, and for the sharp ones, which share its error. The trapezoid rule over 33 pictures adds a little.
+# The mean of the sharp pictures, with their weights, is the blurred picture: within twice what mode auto states for the
+# blurred picture, because the sharp ones have an error of that size, too. The trapezoid rule over 9 pictures adds a
+# little.
 
 errors, stated = [], []
 for pair in data:
@@ -61,12 +63,12 @@ for pair in data:
     errors.append(np.sqrt(np.mean(difference**2)))
     stated.append(pair["stated_error"])
 print(f"{len(errors)} pairs: root mean square difference {np.mean(errors):.4f}, stated {np.mean(stated):.4f}")
-assert len(errors) == PAIRS and max(e - s for e, s in zip(errors, stated)) < 0.005
+assert len(errors) == PAIRS and max(e - 2 * s for e, s in zip(errors, stated)) < 0.002
 
 # One pair, as a picture: blurred on the left, the middle of the shutter on the right.
 
 pair = data[0]
-sb.Frame(np.concatenate([pair["blurred"], pair["sharp"][16]], axis=1))
+sb.Frame(np.concatenate([pair["blurred"], pair["sharp"][4]], axis=1))
 '''
 
 MODES = '''

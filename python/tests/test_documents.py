@@ -84,7 +84,7 @@ def test_notebooks_run(name, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.setenv("SPLATBLUR_ROOT", str(ROOT))
     book = nbformat.read(NOTEBOOKS / f"{name}.ipynb", 4)
-    nbclient.NotebookClient(book, timeout=600, kernel_name="python3").execute()
+    nbclient.NotebookClient(book, timeout=1800, kernel_name="python3").execute()
     outputs = [output for cell in book.cells for output in cell.get("outputs", ())]
     assert any("image/png" in output.get("data", {}) for output in outputs)
     assert not any(output.output_type == "error" for output in outputs)
