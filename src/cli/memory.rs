@@ -17,7 +17,7 @@ const MOST_OF_DEVICE: u64 = 8 << 30;
 
 /// Bytes that rendering may take. By default that is half of what there is, but not less than 1G; on a graphics device
 /// not more than 8G. More than there is is not taken, whoever asks: that would end in an abort instead of a message.
-pub(super) fn budget(given: Option<u64>, on_device: bool, quiet: bool) -> u64 {
+pub(crate) fn budget(given: Option<u64>, on_device: bool, quiet: bool) -> u64 {
     let available = available();
     if let (Some(given), Some(available)) = (given, available)
         && given > available

@@ -13,7 +13,7 @@ mod frames;
 mod generate;
 mod info;
 mod licences;
-mod memory;
+pub(crate) mod memory;
 mod output;
 mod progress;
 mod reference;
@@ -28,8 +28,9 @@ mod thesis;
 mod values;
 #[cfg(feature = "viewer")]
 mod view;
-mod words;
+pub(crate) mod words;
 
+use std::ffi::OsString;
 use std::io;
 use std::process::ExitCode;
 
@@ -97,9 +98,9 @@ impl Command {
     }
 }
 
-/// Runs the program.
-pub(super) fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+/// Runs the program with `arguments`, the first of which is its name.
+pub(super) fn main(arguments: Vec<OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
@@ -111,7 +112,7 @@ pub(super) fn main() -> ExitCode {
         #[cfg(feature = "viewer")]
         Command::View(view) => view.run(),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
-        Command::Dataset(dataset) => dataset.run().map(|()| ExitCode::SUCCESS),
+        Command::Dataset(dataset) => dataset.run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),
         Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),
         Command::Report(report) => report.run(),

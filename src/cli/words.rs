@@ -9,7 +9,7 @@ const FLAGS: [(&str, &str); 4] = [
 ];
 
 /// A message of the library, with flags in place of its options.
-pub(super) fn with_flags(message: &str) -> String {
+pub(crate) fn with_flags(message: &str) -> String {
     FLAGS.iter().fold(message.to_owned(), |text, (option, flag)| text.replace(option, flag))
 }
 

@@ -93,9 +93,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
         strips_of_sums.enumerate().for_each_init(
             || (Tracer::new(self.world), self.veil(), TileSamples::default()),
             |(tracer, veil, tile), (number, ((colour, range), extra))| {
-                if self.stop.is_some_and(Stop::is_set) {
-                    return;
-                }
+                let stopped = || self.stop.is_some_and(Stop::is_set);
                 let before = number * strip;
                 let mut strip = Strip { planes: &planes, backdrop: self.backdrop, first: before, colour, range, extra };
                 if samples > 0 && veil.is_some() {
@@ -110,6 +108,10 @@ impl<'w, 'a> Integrator<'w, 'a> {
                         continue;
                     }
                     for k in (first..last).step_by(POINTS as usize) {
+                        // Here, because a strip of many samples takes minutes.
+                        if stopped() {
+                            return;
+                        }
                         self.place_tile(tile, &points, (corner, size), width, k..(k + POINTS).min(last));
                         tile.trace(tracer, &self.cones, veil.as_mut());
                         tile.samples.iter().zip(&tile.seen).for_each(|(sample, seen)| {

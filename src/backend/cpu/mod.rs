@@ -218,10 +218,13 @@ struct Executor<'a> {
 }
 
 /// Where the picture of a group goes: to the film, or where something transparent is laid over it first.
-fn of_group<'a>(frame: &Frame, opaque: &'a mut Vec<TileFilm>, film: &'a mut [TileFilm]) -> &'a mut [TileFilm] {
+fn of_group<'a>(frame: &Frame, laid: &'a mut TransparentMemory, film: &'a mut [TileFilm]) -> &'a mut [TileFilm] {
     if frame.blending.is_none() {
         return film;
     }
+    let TransparentMemory { opaque, layers, .. } = laid;
+    // Those of an earlier group. Where nothing is peeled, they would stay; they may be of another scene.
+    layers.iter_mut().for_each(Vec::clear);
     opaque.resize_with(film.len().max(opaque.len()), TileFilm::default);
     opaque.iter_mut().for_each(TileFilm::clear);
     &mut opaque[..film.len()]
@@ -289,7 +292,7 @@ impl Executor<'_> {
         let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
         let mut own = std::mem::take(splats(self.memory));
         let Memory { buffers, transparent, at_rest: films, .. } = &mut *self.memory;
-        let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
+        let film = of_group(self.place.frame, transparent, self.film);
         // The weights of a group's samples are in its coverage, so its film is no other group's.
         let shares_film = shares_rest && scope.group.samples.len() == 1;
         if shares_film {

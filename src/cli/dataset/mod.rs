@@ -2,6 +2,7 @@
 
 mod replay;
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -182,8 +183,9 @@ struct FrameReport {
 }
 
 impl Dataset {
-    pub(super) fn run(&self) -> anyhow::Result<()> {
-        let given = replay::given()?;
+    /// `arguments` are those of the program, the first of which is its name.
+    pub(super) fn run(&self, arguments: &[OsString]) -> anyhow::Result<()> {
+        let given = replay::given(arguments)?;
         let Some(path) = &self.replay else {
             let Some(scene) = &self.scene else { bail!("the scene is missing") };
             let unsaid = if self.reference.is_none() { self.blur.without_lattice() } else { Vec::new() };

@@ -42,9 +42,9 @@ pub(super) struct Recorded {
     earlier: Option<(String, String, String)>,
 }
 
-/// The choices on the command line of this process.
-pub(super) fn given() -> anyhow::Result<Vec<String>> {
-    let matches = Cli::command().try_get_matches_from(std::env::args_os())?;
+/// The choices on the command line of these `arguments`, the first of which is the program's name.
+pub(super) fn given(arguments: &[OsString]) -> anyhow::Result<Vec<String>> {
+    let matches = Cli::command().try_get_matches_from(arguments)?;
     Ok(matches.subcommand_matches(NAME).map_or_else(Vec::new, choices))
 }
 
