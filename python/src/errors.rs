@@ -66,7 +66,7 @@ impl Raise for Invalid {
 }
 
 /// Where, what was found and what was expected, as far as an error says it.
-fn details<'a>(error: &'a SceneError) -> (Option<&'a Location>, Option<&'a str>, Option<&'a str>) {
+fn details(error: &SceneError) -> (Option<&Location>, Option<&str>, Option<&str>) {
     use SceneError as E;
     match error {
         E::Encoding { at, found, expected } => (Some(at), Some(found), Some(expected)),

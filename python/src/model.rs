@@ -26,6 +26,9 @@ pub(crate) struct Poses {
     pub(crate) matrices: Vec<DMat4>,
 }
 
+/// Frames (T,) and matrices (T, 4, 4).
+pub(crate) type PoseArrays<'py> = (Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>);
+
 impl Poses {
     /// Reads and checks them.
     pub(crate) fn new(frames: &Bound<'_, PyAny>, matrices: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -40,10 +43,7 @@ impl Poses {
     }
 
     /// The arrays that it was made of.
-    pub(crate) fn arrays<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+    pub(crate) fn arrays<'py>(&self, py: Python<'py>) -> PyResult<PoseArrays<'py>> {
         let frames = arrays::array(py, self.frames.clone(), &[self.frames.len()])?;
         let rows: Vec<f64> = self.matrices.iter().flat_map(|m| m.transpose().to_cols_array()).collect();
         Ok((frames, arrays::array(py, rows, &[self.matrices.len(), 4, 4])?))
@@ -248,10 +248,7 @@ impl Object {
     }
 
     /// The poses that it was given, as (frames, matrices).
-    fn poses<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<Option<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)>> {
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Option<PoseArrays<'py>>> {
         self.poses.as_ref().map(|poses| poses.arrays(py)).transpose()
     }
 

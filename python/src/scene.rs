@@ -15,7 +15,7 @@ use splatblur::{Anchor, Direction, FrameRange, LatLong, Light, Picture, Readout,
 
 use crate::arrays;
 use crate::errors::{OrRaise as _, guard, invalid};
-use crate::model::{Object, Poses};
+use crate::model::{Object, PoseArrays, Poses};
 
 /// A camera. It never changes.
 #[pyclass(frozen, module = "splatblur._native")]
@@ -69,10 +69,7 @@ impl Camera {
     }
 
     /// The poses that it was given, as (frames, matrices).
-    fn poses<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<Option<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)>> {
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Option<PoseArrays<'py>>> {
         self.poses.as_ref().map(|poses| poses.arrays(py)).transpose()
     }
 
@@ -164,6 +161,9 @@ pub(crate) struct Scene {
 
 /// Open, close, weight, read-out (frames), its direction, its anchor.
 type ShutterValues = (f64, f64, String, f64, String, String);
+
+/// Name, size, background, whether it is left out, first and last frame, rate, shutter, lights.
+type SceneValues = (String, (u32, u32), [f64; 3], bool, (i64, i64), f64, ShutterValues, Vec<LightValues>);
 
 /// Kind (directional, point, ambient), direction or position, colour.
 type LightValues = (String, [f64; 3], [f64; 3]);
@@ -292,7 +292,7 @@ impl Scene {
 
     /// The values of the scene, as `make` takes them.
     #[getter]
-    fn values(&self) -> (String, (u32, u32), [f64; 3], bool, (i64, i64), f64, ShutterValues, Vec<LightValues>) {
+    fn values(&self) -> SceneValues {
         let scene = &self.scene;
         let (image, shutter) = (&scene.image, &scene.shutter);
         let (direction, anchor) = (shutter.readout.direction.name(), shutter.readout.anchor.name());
