@@ -1,4 +1,4 @@
-"""The five scripts that a user would write first, as they are in shared/notes and in docs/python.md."""
+"""The five scripts that a user would write first, as they are in docs/python.md."""
 
 from __future__ import annotations
 
