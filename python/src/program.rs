@@ -12,7 +12,7 @@ use crate::cli;
 #[pyfunction]
 pub(crate) fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     let code = py.detach(|| {
-        let code = cli::main(arguments);
+        let code = cli::main(&arguments);
         // As the end of a program of its own would do. A reader that has gone is no error.
         let _ = std::io::stdout().flush();
         code

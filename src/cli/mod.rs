@@ -99,8 +99,8 @@ impl Command {
 }
 
 /// Runs the program with `arguments`, the first of which is its name.
-pub(super) fn main(arguments: Vec<OsString>) -> ExitCode {
-    let cli = match Cli::try_parse_from(&arguments) {
+pub(super) fn main(arguments: &[OsString]) -> ExitCode {
+    let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
@@ -112,7 +112,7 @@ pub(super) fn main(arguments: Vec<OsString>) -> ExitCode {
         #[cfg(feature = "viewer")]
         Command::View(view) => view.run(),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
-        Command::Dataset(dataset) => dataset.run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Dataset(dataset) => dataset.run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),
         Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),
         Command::Report(report) => report.run(),
