@@ -15,7 +15,7 @@ use crate::errors::{Raise, invalid};
 use crate::picture::of_planes;
 use crate::scene::camera_to_world;
 
-/// What is made of each frame, as the Python layer hands it over.
+/// Choices of what is made of each frame, as the Python layer hands it over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Choices {

@@ -163,7 +163,7 @@ fn of_stats<'py>(py: Python<'py>, stats: &Stats, seconds: f64, backend: &str) ->
     Ok(values)
 }
 
-/// What is known of a picture, beside its arrays.
+/// Arrays of a picture, with what else is known of it.
 fn finish<'py>(arrays: Bound<'py, PyDict>, stats: Bound<'py, PyDict>, origin: Origin) -> PyResult<Bound<'py, PyDict>> {
     arrays.set_item("stats", stats)?;
     arrays.set_item("transparent", origin.scene.image.transparent)?;

@@ -15,6 +15,12 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENES = ROOT / "scenes"
 
 
+def within(seconds: float, limit: float) -> None:
+    """Holds a time to its limit where SPLATBLUR_SPEED=1 is set: times of a busy machine say little."""
+    if os.environ.get("SPLATBLUR_SPEED"):
+        assert seconds < limit, f"{seconds:.3f} s"
+
+
 def sphere(count: int = 2_000, radius: float = 1.0) -> np.ndarray:
     """Points on a sphere, on a spiral."""
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count

@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import SCENES, ball, front
+from conftest import SCENES, ball, front, within
 
 import splatblur as sb
 
@@ -35,8 +35,8 @@ def counted(seconds: float, until: threading.Event | None = None) -> float:
 
 def test_another_thread_runs_meanwhile():
     """As fast as beside another process. A held lock would stop it; other work on the machine does not count."""
-    if len(os.sched_getaffinity(0)) < 2:
-        pytest.skip("one core")
+    if len(os.sched_getaffinity(0)) < 2 or not os.environ.get("SPLATBLUR_SPEED"):
+        pytest.skip("a measurement on two cores or more: SPLATBLUR_SPEED=1 makes it")
     renderer, scene = sb.Renderer("cpu", threads=1), heavy()
     shares = []
     for _ in range(6):
@@ -81,7 +81,7 @@ def test_ctrl_c_ends_it_within_half_a_second(what):
     """)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout) < 0.5
+    within(float(done.stdout), 0.5)
 
 
 def _in_child(renderer, scene, queue):
@@ -233,7 +233,7 @@ def test_no_memory_is_lost():
 
 def test_import_is_fast():
     best = min(_import_seconds() for _ in range(5))
-    assert best < 0.3, f"{best:.3f} s"
+    within(best, 0.3)
 
 
 def _import_seconds() -> float:

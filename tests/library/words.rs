@@ -67,3 +67,18 @@ fn work_ends_when_it_is_told_to() {
     stop.clear();
     assert!(renderer.render(&scene(), 0, &RenderOptions::default()).is_ok());
 }
+
+/// A reference ends within its samples of a pixel, too: so many would take hours.
+#[test]
+fn a_reference_of_many_samples_ends_when_it_is_told_to() {
+    let stop = Stop::default();
+    let options = ReferenceOptions { samples: 1 << 30, ..ReferenceOptions::default() };
+    let ended = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            stop.set();
+        });
+        reference::picture_until(&scene(), 0, &options, &listener().0, &stop)
+    });
+    assert!(matches!(ended, Err(ReferenceError::Stopped)));
+}

@@ -17,8 +17,20 @@ fn is_manual(name: &str) -> bool {
 }
 
 /// Folders at the root whose files are ours; build folders are not among them.
-pub(super) const FOLDERS: [&str; 11] =
-    [".ci", ".github", "animations", "benches", "docs", "examples", "fuzz", "scenes", "shaders", "src", "tests"];
+pub(super) const FOLDERS: [&str; 12] = [
+    ".ci",
+    ".github",
+    "animations",
+    "benches",
+    "docs",
+    "examples",
+    "fuzz",
+    "python",
+    "scenes",
+    "shaders",
+    "src",
+    "tests",
+];
 
 pub(super) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
