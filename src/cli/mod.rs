@@ -2,6 +2,8 @@
 //!
 //! Exit status: 0 done, 1 a comparison is over its limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.
+//!
+//! The Python package compiles this folder into its module, too (`python/src/lib.rs`).
 
 mod adapters;
 mod backend;

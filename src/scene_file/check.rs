@@ -146,7 +146,7 @@ impl Checker<'_> {
             self.unknown(|source| SceneError::UnknownAttribute {
                 at: source.locate(attribute.at),
                 element: schema.name,
-                found: quoted(&attribute.name),
+                found: quoted(source.word(attribute.at)),
                 closest: closest(&attribute.name, schema.attributes.iter().map(|a| a.name)),
                 known: schema.takes(),
             })?;

@@ -29,6 +29,12 @@ impl Source {
         &self.path
     }
 
+    /// The name that begins at the byte `offset`, as it is written.
+    pub(super) fn word(&self, offset: usize) -> &str {
+        let rest = self.text.get(offset..).unwrap_or_default();
+        rest.split(|c: char| c == '=' || c.is_whitespace()).next().unwrap_or_default()
+    }
+
     /// Line and column of the byte at `offset`; costs the length of its line, so only for what is reported.
     pub(super) fn locate(&self, offset: usize) -> Location {
         let line = self.lines.partition_point(|&start| start <= offset).max(1);

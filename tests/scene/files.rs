@@ -715,6 +715,10 @@ fn xml_is_checked() {
         "scene.xml:1:45: a second attribute `color`, expected each at most once",
     );
     refused(
+        "<scene><camera color='1'/></scene>",
+        "scene.xml:1:16: <camera> has no attribute `color` (it takes: eye, at, up, fovy, near)",
+    );
+    refused(
         "<scene><image width=1/></scene>",
         "scene.xml:1:21: an attribute value without quotes, expected name=\"value\"",
     );

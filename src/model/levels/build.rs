@@ -250,31 +250,22 @@ fn merge_cells(below: &[Disc], bits: u32, grid: &Grid, occupied: &Occupied) -> V
     own
 }
 
+/// The box around boxes, each by its corners.
+fn around(boxes: impl Iterator<Item = [Vec3; 2]>) -> [Vec3; 2] {
+    boxes.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], [a, b]| [low.min(a), high.max(b)])
+}
+
 fn leaf(draft: &Draft, discs: &[Disc]) -> Node {
-    let [low, high] = discs.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], disc| {
-        let extent = disc.extent();
-        [low.min(disc.position - extent), high.max(disc.position + extent)]
+    let corners = around(discs.iter().map(|disc| [disc.position - disc.extent(), disc.position + disc.extent()]));
+    let rates = [0, 1].map(|order| {
+        let own = || discs.iter().map(|disc| disc.rates[order]);
+        let mean = own().map(|rate| rate / discs.len() as f32).sum();
+        Rates { corners: around(own().map(|rate| [rate, rate])), mean, stray: 0.0 }
     });
-    Node {
-        corners: [low, high],
-        rates: [0, 1].map(|order| {
-            let own = || discs.iter().map(|disc| disc.rates[order]);
-            let mean = own().map(|rate| rate / discs.len() as f32).sum();
-            Rates {
-                corners: [own().fold(Vec3::INFINITY, Vec3::min), own().fold(Vec3::NEG_INFINITY, Vec3::max)],
-                mean,
-                stray: 0.0,
-            }
-        }),
-        surfels: draft.leaves.start as u32..draft.leaves.end as u32,
-        ..Node::default()
-    }
+    Node { corners, rates, surfels: draft.leaves.start as u32..draft.leaves.end as u32, ..Node::default() }
 }
 
 fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
-    let [low, high] = children.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], child| {
-        [low.min(child.corners[0]), high.max(child.corners[1])]
-    });
     let area: f32 = own.iter().map(|disc| disc.area).sum();
     let mean = |of: fn(&Disc) -> f32| own.iter().map(|disc| of(disc) * (disc.area / area)).sum::<f32>();
     // Few of them may be where it shows how far they reach.
@@ -284,16 +275,13 @@ fn inner(draft: &Draft, children: &[Node], own: &[Disc], grid: &Grid) -> Node {
     let axis = own.iter().map(|disc| disc.front() * (disc.area / area)).sum::<Vec3>().normalize_or_zero();
     let changes: Mat3 = own.iter().map(|disc| disc.changes * (disc.area / area)).sum();
     let rates = [0, 1].map(|order| {
-        let below = || children.iter().map(|child| child.rates[order].corners);
-        let low = below().map(|[low, _]| low).fold(Vec3::INFINITY, Vec3::min);
-        let high = below().map(|[_, high]| high).fold(Vec3::NEG_INFINITY, Vec3::max);
         let mean = own.iter().map(|disc| disc.rates[order] * (disc.area / area)).sum();
         let stray = own.iter().map(|disc| disc.strays[order] * (disc.area / area)).sum::<f32>().sqrt();
-        Rates { corners: [low, high], mean, stray }
+        Rates { corners: around(children.iter().map(|child| child.rates[order].corners)), mean, stray }
     });
     let trace = changes.x_axis.x + changes.y_axis.y + changes.z_axis.z;
     Node {
-        corners: [low, high],
+        corners: around(children.iter().map(|child| child.corners)),
         axis,
         spacing: grid.edge(shift(draft.bits)),
         deviation: (mean(|disc| disc.deviation) + reach).sqrt(),

@@ -182,7 +182,8 @@ fn check_numbers(columns: &TreeColumns) -> Result<(), Wrong> {
     let positive = |x: &f32| *x >= 0.0;
     let small = |x: &f32| x.abs() <= 2.0;
     let is_box = |c: &[f32]| c.iter().all(place) && (0..3).all(|axis| c[axis] <= c[axis + 3]);
-    let is_rates = |row: &[f32; 10]| is_box(&row[..6]) && row[6..9].iter().all(place) && positive(&row[9]);
+    let is_rates =
+        |row: &[f32; 10]| is_box(&row[..6]) && row[6..9].iter().all(place) && positive(&row[9]) && row[9].is_finite();
     first("velocities", &columns.rates[0], is_rates, "corners of a box, a mean, a number of at least 0")?;
     first("accelerations", &columns.rates[1], is_rates, "corners of a box, a mean, a number of at least 0")?;
     first("box", &columns.corners, |row| is_box(row), "corners of a box")?;

@@ -68,6 +68,7 @@ fn what_is_no_tree_is_refused() {
         has(refused(name, 0, &nan), &format!("byte {at}: found row 0 of `{name}`, expected {expected}"));
     }
     has(refused("level_box", 0, &1e6_f32.to_le_bytes()), "corners of a box");
+    has(refused("level_velocities", 36, &f32::INFINITY.to_le_bytes()), "corners of a box, a mean, a number");
     for (name, what) in [
         ("level_position", "position"),
         ("level_axis_u", "pair of axes"),
