@@ -271,8 +271,8 @@ fn scaled_axes(axes: [Vec3; 2], normal: Vec3, radius: f32, scale: f64) -> [Vec3;
     // A factor that would leave the range is limited, so that the axes keep their ratio.
     let (longer, shorter) = (u.length().max(v.length()), u.length().min(v.length()));
     let scale = scale.min(MAX_COORDINATE / longer).max(TINY / shorter);
-    let [u, v] =
-        [u, v].map(|a| (a * scale).clamp(DVec3::splat(-MAX_COORDINATE), DVec3::splat(MAX_COORDINATE)).as_vec3());
+    // Lengths are limited, not components: these would turn an axis onto the other.
+    let [u, v] = [u, v].map(|a| (a * scale).clamp_length_max(MAX_COORDINATE).as_vec3());
     if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] }
 }
 

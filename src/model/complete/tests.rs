@@ -140,6 +140,21 @@ fn broken_axes_become_discs() {
 }
 
 #[test]
+fn axes_of_any_lengths_keep_their_directions() {
+    let mut given = three();
+    let [u, v] = [Vec3::new(-1.3235606, -0.78038454, -1.5733603), Vec3::splat(1e-45)];
+    given.axes = vec![[u, v], [v, u], [1e17 * u, v]];
+    let (surfels, _) = done(given);
+    assert_sound(&surfels);
+    let direction = |a: Vec3| a.as_dvec3().normalize();
+    for (&u_found, &v_found) in surfels.axis_u.iter().zip(&surfels.axis_v) {
+        let found = [direction(u_found), direction(v_found)];
+        let is_found = |wanted: Vec3| found.iter().any(|f| f.dot(direction(wanted)) > 0.9999);
+        assert!(is_found(u) && is_found(v), "axes {u_found} {v_found}");
+    }
+}
+
+#[test]
 fn radius_scale_multiplies() {
     let options = LoadOptions { radius_scale: 2.5, ..LoadOptions::default() };
     let mut given = three();
