@@ -43,18 +43,17 @@ def shaken(number):
         right /= np.linalg.norm(right)
         pose[:3] = np.stack([right, np.cross(back, right), back, eye + shift], axis=1)
         pose[3, 3] = 1
-    camera = sb.Camera(96, 72, fovy=40, c2w=poses, times=times)
+    camera = sb.Camera(80, 60, fovy=40, c2w=poses, times=times)
     return sb.Scene(guitar, camera=camera, shutter=sb.Shutter(-0.4, 0.4), background=0.2)
 
 # Fifty pairs, with 9 sharp pictures each; they are rendered when they are asked for.
 
-mode = "auto:draft+interleave=none"
+mode = "auto:good+interleave=none"
 data = sb.Dataset(shaken, frames=range(PAIRS), sharp=9, flow=False, channels="last", mode=mode)
 len(data)
 
-# The mean of the sharp pictures, with their weights, is the blurred picture: within twice what mode auto states for the
-# blurred picture, because the sharp ones have an error of that size, too. The trapezoid rule over 9 pictures adds a
-# little.
+# The mean of the sharp pictures, with their weights, is the blurred picture within the error that mode auto states for
+# it. 19 of 20 pictures stay within that, so of fifty pairs a few may be a little beyond it.
 
 errors, stated = [], []
 for pair in data:
@@ -62,8 +61,10 @@ for pair in data:
     difference = sb.linear_to_srgb(mean) - sb.linear_to_srgb(pair["blurred"])
     errors.append(np.sqrt(np.mean(difference**2)))
     stated.append(pair["stated_error"])
-print(f"{len(errors)} pairs: root mean square difference {np.mean(errors):.4f}, stated {np.mean(stated):.4f}")
-assert len(errors) == PAIRS and max(e - 2 * s for e, s in zip(errors, stated)) < 0.002
+errors, stated = np.array(errors), np.array(stated)
+within = np.mean(errors <= stated)
+print(f"{len(errors)} pairs: difference {np.mean(errors):.4f}, stated {np.mean(stated):.4f}; {within:.0%} are within")
+assert len(errors) == PAIRS and within >= 0.9 and np.mean(errors**2) < np.mean(stated**2)
 
 # One pair, as a picture: blurred on the left, the middle of the shutter on the right.
 

@@ -35,6 +35,7 @@ from ._native import __version__
 from ._objects import Gaussians, Model, Object, Points
 from ._render import Frames, Renderer, render
 from ._scene import Scene, load, save
+from . import io  # isort: skip
 
 __all__ = [
     "Camera",
@@ -62,6 +63,7 @@ __all__ = [
     "color_map",
     "colour_map",
     "compare",
+    "io",
     "linear_to_srgb",
     "load",
     "read",

@@ -60,7 +60,7 @@ def column(value: object, name: str, rows: int | None, width: int | None) -> npt
     if rows is not None:
         shape = shape.replace("N", str(rows))
         one = () if width is None else (width,)
-        if array.shape == one:
+        if array.shape in (one, (1, *one)):
             array = np.broadcast_to(array, (rows, *one))
     fits = array.ndim == (1 if width is None else 2) and (width is None or array.shape[1] == width)
     if not fits or (rows is not None and len(array) != rows):
@@ -68,13 +68,21 @@ def column(value: object, name: str, rows: int | None, width: int | None) -> npt
     return ready(array)
 
 
-def colours(value: object, name: str, rows: int) -> npt.NDArray[Any]:
-    """A column of linear colours. Whole numbers are refused: they are codes, which somebody has to decode."""
+def _light(value: object, name: str) -> npt.NDArray[Any]:
+    """Linear light. Whole numbers are refused: they are codes, which somebody has to decode."""
     array = numpy_of(value, name)
     if array.dtype.kind in "iu" and array.size and array.max() > 1:
         found = f"of dtype {array.dtype} with values up to {array.max()}"
         raise invalid(name, found, "linear light, as splatblur.srgb_to_linear(values / 255) makes it")
-    return column(array, name, rows, 3)
+    return array
+
+
+def colours(value: object, name: str, rows: int) -> npt.NDArray[Any]:
+    """A column of linear colours."""
+    array = column(_light(value, name), name, rows, 3)
+    if array.size and array.min() < 0.0:
+        raise invalid(name, f"{array.min()} at its least", "linear light, at least 0")
+    return array
 
 
 def whole(value: object, name: str, rows: int) -> npt.NDArray[Any]:
@@ -100,8 +108,26 @@ def matrices(value: object, name: str) -> npt.NDArray[Any]:
     if not np.isfinite(array).all():
         raise invalid(name, "not finite", "finite numbers")
     if not np.allclose(array[:, 3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=1e-6):
-        raise invalid(name, "with another last row", "0 0 0 1 in the last row")
+        found = " ".join(f"{number:g}" for number in array[np.abs(array[:, 3] - [0, 0, 0, 1]).max(axis=1).argmax(), 3])
+        raise invalid(name, f"a matrix with the last row {found}", "0 0 0 1 in the last row")
     return ready(array)
+
+
+def placements(value: object, name: str) -> npt.NDArray[Any]:
+    """Matrices of cameras, (T, 4, 4): a rotation and a translation, and perhaps one scale of all axes, which changes
+    no picture."""
+    array = matrices(value, name)
+    turns = array[:, :3, :3]
+    scale = np.cbrt(np.linalg.det(turns))
+    if (scale < 0.0).any():
+        raise invalid(name, "a matrix that mirrors", "rotations and translations")
+    if (scale < 1e-9).any():
+        raise invalid(name, "a singular matrix", "rotations and translations")
+    turns = turns / scale[:, None, None]
+    off = float(np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max())
+    if off > 1e-3:
+        raise invalid(name, f"{off:.3g} away from a rotation", "rotations and translations, without a shear or scales")
+    return array
 
 
 def times(value: object, name: str, count: int) -> npt.NDArray[Any]:
@@ -112,11 +138,15 @@ def times(value: object, name: str, count: int) -> npt.NDArray[Any]:
     return ready(array)
 
 
+def colour(value: object, name: str) -> tuple[float, float, float]:
+    """Linear light, also beyond 1; one number is grey."""
+    array = real(value, name)
+    return three(np.repeat(array, 3) if array.shape == () else array, name)
+
+
 def three(value: object, name: str) -> tuple[float, float, float]:
-    """Three finite numbers; one number stands for three."""
+    """Three finite numbers."""
     array = real(value, name).astype(np.float64, copy=False)
-    if array.shape == ():
-        array = np.repeat(array, 3)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise invalid(name, f"{value!r}"[:200], "three finite numbers")
     x, y, z = (float(number) for number in array)
@@ -131,6 +161,21 @@ def number(value: object, name: str) -> float:
     return float(array)
 
 
+def flag(value: object, name: str) -> bool:
+    """Yes or no; not a text or a number, which might mean anything."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise invalid(name, f"{value!r}"[:200], "True or False")
+    return bool(value)
+
+
+def frame(value: object, name: str) -> float:
+    """A frame number: finite, and not so large that a frame more is the same."""
+    found = number(value, name)
+    if not abs(found) <= 1e9:
+        raise invalid(name, found, "a frame number from -1e9 to 1e9")
+    return found
+
+
 def count(value: object, name: str, least: int, most: int) -> int:
     """A whole number within bounds."""
     given = getattr(value, "__index__", None)
@@ -142,7 +187,7 @@ def count(value: object, name: str, least: int, most: int) -> int:
 
 def picture(value: object, name: str) -> npt.NDArray[Any]:
     """Pixels (H, W, 4) of float32: linear, premultiplied. (H, W, 3) is opaque."""
-    array = real(value, name)
+    array = real(_light(value, name), name)
     if array.ndim != 3 or array.shape[2] not in (3, 4) or 0 in array.shape:
         raise invalid(name, f"of shape {array.shape}", "the shape (H, W, 3) or (H, W, 4)")
     with np.errstate(over="ignore"):

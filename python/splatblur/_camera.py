@@ -40,11 +40,11 @@ class Camera:
         c2w: Camera to world, OpenGL axes, (4, 4) or (T, 4, 4).
         times: Frame numbers of the matrices, (T,), rising. Between two poses the camera moves at constant speed and
             turns the shorter way; before the first and after the last it rests.
-        near: Nearest visible depth, scene units.
+        near: Nearest visible depth, scene units, above 0. The default is 0.01.
 
     Raises:
-        InvalidValue: A matrix has a wrong shape, is singular or not finite, times do not rise, or pixels are not
-            square.
+        InvalidValue: A matrix has a wrong shape, is not finite, mirrors, or is no rotation with a translation (one scale
+            of all axes changes nothing); times do not rise; or pixels are not square.
     """
 
     def __init__(
@@ -60,14 +60,17 @@ class Camera:
         viewmat: npt.ArrayLike | None = None,
         c2w: npt.ArrayLike | None = None,
         times: npt.ArrayLike | None = None,
-        near: float = 0.01,
+        near: float | None = None,
     ) -> None:
         self._width = _arrays.count(width, "width", 1, _MOST_SIZE)
         self._height = _arrays.count(height, "height", 1, _MOST_SIZE)
         looks = any(value is not None for value in (eye, at, up))
         if sum([looks, viewmat is not None, c2w is not None]) > 1:
             raise TypeError("give the place of a camera once: by eye, at and up, by viewmat, or by c2w")
-        lens = self._lens(K, fovy, _arrays.number(near, "near"))
+        depth = 0.01 if near is None else _arrays.number(near, "near")
+        if not 0.0 < depth < math.inf:
+            raise invalid("near", depth, "a depth above 0")
+        lens = self._lens(K, fovy, depth)
         if looks:
             if eye is None or at is None:
                 raise TypeError("a camera needs `eye` and `at`")
@@ -82,8 +85,11 @@ class Camera:
         elif viewmat is not None or c2w is not None:
             self._native = _posed(viewmat, c2w, times, lens)
         else:
-            if times is not None or K is not None or fovy is not None:
-                raise TypeError("a camera without a place is found by itself, with a field of view of 40 degrees")
+            if any(value is not None for value in (times, K, fovy, near)):
+                raise TypeError(
+                    "a camera without a place is found by itself, with a field of view of 40 degrees: give it a place, "
+                    "or neither `times`, `K`, `fovy` nor `near`"
+                )
             self._native = None
 
     @classmethod
@@ -165,12 +171,9 @@ def _posed(
     viewmat: npt.ArrayLike | None, c2w: npt.ArrayLike | None, times: npt.ArrayLike | None, lens: _native._Lens
 ) -> _native.Camera:
     if viewmat is not None:
-        given = _arrays.matrices(viewmat, "viewmat")
-        if (np.abs(np.linalg.det(given[:, :3, :3])) < 1e-9).any():
-            raise invalid("viewmat", "singular", "rotations and translations")
-        matrices = _arrays.ready(np.linalg.inv(given) @ _FLIP)
+        matrices = _arrays.ready(np.linalg.inv(_arrays.placements(viewmat, "viewmat")) @ _FLIP)
     else:
-        matrices = _arrays.matrices(c2w, "c2w")
+        matrices = _arrays.placements(c2w, "c2w")
     if times is not None:
         return _native.Camera.moving(_arrays.times(times, "times", len(matrices)), matrices, lens)
     if len(matrices) > 1:
@@ -208,6 +211,9 @@ class Shutter:
     anchor: Literal["middle", "first"] = "middle"
     fps: float | None = None
 
+    def __post_init__(self) -> None:
+        _native.check_shutter(self._values())
+
     @classmethod
     def seconds(
         cls,
@@ -242,6 +248,9 @@ class Shutter:
         return cls(-half, half, weight, readout * fps, direction, anchor, fps)
 
     def _values(self) -> _native._ShutterValues:
+        for name, text in {"weight": self.weight, "direction": self.direction, "anchor": self.anchor}.items():
+            if not isinstance(text, str):
+                raise invalid(name, f"a {type(text).__name__}", "a text")
         return (
             _arrays.number(self.open, "open"),
             _arrays.number(self.close, "close"),
@@ -299,7 +308,7 @@ class Light:
 def _colour(colour: npt.ArrayLike | None, color: npt.ArrayLike | None) -> tuple[float, float, float]:
     """The colour of a light, white where none is given."""
     given = _arrays.one_of(colour, color, "colour", "color")
-    return _arrays.three(1.0 if given is None else given, "colour")
+    return _arrays.colour(1.0 if given is None else given, "colour")
 
 
 class Environment:
@@ -324,7 +333,8 @@ class Environment:
         intensity: float = 1.0,
         background: bool = True,
     ) -> None:
-        settings = (_arrays.number(rotation, "rotation"), _arrays.number(intensity, "intensity"), bool(background))
+        numbers = _arrays.number(rotation, "rotation"), _arrays.number(intensity, "intensity")
+        settings = (*numbers, _arrays.flag(background, "background"))
         if isinstance(picture, (str, PathLike)):
             self._native = _native.Environment.load(fspath(picture), *settings)
         else:

@@ -92,7 +92,7 @@ def colour_map(
     known = np.where(np.isnan(array), 0.0, share)
     coded = np.stack([np.interp(known, places, knots[:, channel]) for channel in (0, 1, 2)], axis=-1)
     colours = srgb_to_linear(coded)
-    colours[np.isnan(array)] = _arrays.three(missing, "missing")
+    colours[np.isnan(array)] = _arrays.colour(missing, "missing")
     return colours
 
 

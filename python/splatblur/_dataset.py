@@ -7,7 +7,7 @@ from typing import Any, Callable, Iterable, Literal, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from . import _arrays
+from . import _arrays, _native
 from ._errors import invalid
 from ._frame import linear_to_srgb
 from ._render import Renderer, _choices, _native_of
@@ -78,13 +78,16 @@ class Dataset:
             raise TypeError("a function that makes scenes needs `frames`")
         given = scene.frames if frames is None and isinstance(scene, Scene) else frames
         self.scene = scene
-        self.frames = [_arrays.number(number, "frames") for number in given or ()]
+        self.frames = [_arrays.frame(number, "frames") for number in ([] if given is None else given)]
         self._recipe = {
             "sharp": _arrays.count(sharp, "sharp", 1, 1024),
             "noise": _noise(noise),
-            "flow": bool(flow),
+            "flow": _arrays.flag(flow, "flow"),
             "reference": _arrays.count(reference, "reference", 0, 2**62),
         }
+        if reference % 16:
+            raise invalid("reference", reference, "a multiple of 16")
+        _native.check_recipe(self._recipe)
         self._choices = _choices(mode, seed=seed)
         if bits not in (None, 8, 16):
             raise invalid("bits", bits, "8, 16 or None")
@@ -93,15 +96,19 @@ class Dataset:
         self._gamma = _gamma(response if response is not None or bits is None else "srgb")
         self._bits = bits
         self._channels = channels
+        if not isinstance(device, str):
+            raise invalid("device", f"{device!r}"[:200], "'auto', 'cpu', 'gpu' or a part of a name")
         self._device = device
-        self._threads = threads
+        self._threads = None if threads is None else _arrays.count(threads, "threads", 1, 1024)
         self._renderer: Renderer | None = None
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        """Renders the frame of this index."""
+        """Renders the frame of this index; not of a slice, whose frames may not fit into memory."""
+        if not hasattr(index, "__index__"):
+            raise TypeError(f"the index of a frame is a whole number, not a {type(index).__name__}")
         number = self.frames[index]
         scene = self.scene if isinstance(self.scene, Scene) else self.scene(number)
         native = _native_of(scene)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from os import PathLike, fspath
+from typing import Any
+
+from . import _native
 
 
 class SplatblurError(Exception):
@@ -66,6 +69,30 @@ class ForkError(SplatblurError, RuntimeError):
 
 class NoteWarning(UserWarning):
     """A note of splatblur: what was estimated, dropped or ignored."""
+
+
+class ForkedLazily:
+    """What a forked process unpickled, which can do nothing there: what uses it raises `ForkError`. An error while
+    unpickling would end a worker of a pool, and the pool would start another one for ever."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("_native", "native"):
+            _native.check_fork()
+        raise AttributeError(f"a {type(self).__name__} has no attribute {name!r}")
+
+
+class Fixed:
+    """A class that has the attributes it says: a name that is misspelt is an error, and not a new attribute."""
+
+    _attributes: tuple[str, ...] = ()
+
+    def __setattr__(self, name: str, value: object) -> None:
+        own = type(self)
+        if not (name.startswith("_") or name in self._attributes or hasattr(own, name)):
+            settable = [word for word in dir(own) if getattr(getattr(own, word), "fset", None) is not None]
+            known = ", ".join(sorted([*self._attributes, *settable]))
+            raise AttributeError(f"a {own.__name__} has no attribute {name!r} that can be set (there are: {known})")
+        object.__setattr__(self, name, value)
 
 
 def invalid(field: str, found: object, expected: str) -> InvalidValue:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from os import PathLike, fspath
 from typing import Any, Sequence
 
@@ -141,7 +142,7 @@ class Frame:
             InvalidValue: The format does not exist, or an array has another shape than the renderer gave it.
             OSError: The file cannot be written, or the scene's files have changed since they were loaded.
         """
-        path = fspath(path)
+        path = os.fsdecode(path)
         layers = {} if path.lower().endswith(".png") else self._layers
         layers = {name: _arrays.ready(np.asarray(layer, np.float32)) for name, layer in layers.items()}
         rgba = _arrays.picture(self.rgba, "rgba")
@@ -164,6 +165,10 @@ class Frame:
     def __dlpack_device__(self) -> tuple[int, int]:
         device: tuple[int, int] = self.rgba.__dlpack_device__()
         return device
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The scene stays behind, so headers of files that are written elsewhere do not name it.
+        return {**self.__dict__, "_origin": None, "_address": None}
 
     def __repr__(self) -> str:
         layers = f" with {', '.join(self._layers)}" if self._layers else ""

@@ -7,14 +7,18 @@ import weakref
 from typing import Any
 
 from . import _native
+from ._errors import ForkedLazily
 
 
-class LoadedScene:
+class LoadedScene(ForkedLazily):
     """A scene file as it was read."""
 
+    native: _native.Scene
+
     def __init__(self, path: str, size: tuple[int, int] | None, lenient: bool) -> None:
-        self.native = _native.Scene.load(path, size, lenient)
         self.key = (path, size, lenient)
+        if not _native.is_forked():
+            self.native = _native.Scene.load(path, size, lenient)
         self.stamp = _stamp(path)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
+import sys
 import warnings
 from os import PathLike, fspath
 from typing import Any, Literal
@@ -10,19 +13,26 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _arrays, _loaded, _native
-from ._errors import NoteWarning, invalid
+from ._errors import Fixed, ForkedLazily, NoteWarning, invalid
 from ._native import Object as NativeObject
 
 Path = str | PathLike[str]
 
+_HERE = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
-def tell(notes: list[str], level: int = 3) -> None:
-    """Hands out notes as warnings."""
+
+def tell(notes: list[str]) -> None:
+    """Hands out notes as warnings, which name the line outside this package that led to them."""
+    if not notes:
+        return
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_HERE):
+        level, frame = level + 1, frame.f_back
     for note in notes:
         warnings.warn(note, NoteWarning, stacklevel=level)
 
 
-class Model:
+class Model(ForkedLazily):
     """What an object is made of. Models do not change, and objects share them.
 
     `Points` and `Gaussians` are models of arrays; `Model.load` reads a file.
@@ -53,9 +63,11 @@ class Model:
 
     @staticmethod
     def _of_file(path: str, kind: str | None) -> Model:
+        if _native.is_forked():
+            return object.__new__(Model)
         model = Model._of(_native.Object.load(path, kind))
         model._file = (path, kind)
-        tell(model.notes, 4)
+        tell(model.notes)
         return model
 
     @staticmethod
@@ -96,7 +108,8 @@ class Model:
 
 def _of_columns(cls: type[Model], columns: dict[str, Any]) -> Model:
     model = object.__new__(cls)
-    model._native = _native.Object.of_columns(columns)
+    if not _native.is_forked():
+        model._native = _native.Object.of_columns(columns)
     return model
 
 
@@ -104,14 +117,17 @@ class Points(Model):
     """Points of a surface, which become surfels: discs with a normal, a radius and a colour.
 
     Missing normals and radii are estimated from neighbours; a warning says so. Points whose position is not finite are
-    dropped, with a warning. Arrays are copied once, so they may be changed or freed afterwards. Any array type will do:
-    numpy, tensors by `__dlpack__` or `__array__`, lists. One row stands for all points.
+    dropped, with a warning, and other numbers that cannot be drawn are replaced: a radius that is negative, an opacity
+    above 1, a velocity that is not finite. Arrays are copied once, so they may be changed or freed afterwards. Any array
+    type will do: numpy, tensors by `__dlpack__` or `__array__`, lists. One row stands for all points: (3,) or (1, 3)
+    where (N, 3) is asked for, one number where (N,) is.
 
     Args:
         positions: Positions, (N, 3), model units. float64 keeps its precision: positions are recentred.
         normals: Outward normals, (N, 3), of any length.
         radii: Radii, (N,), model units: where a surfel's kernel ends.
-        colors: Linear Rec.709 light, (N, 3), 0 to 1. `srgb_to_linear` decodes sRGB values.
+        colors: Linear Rec.709 light, (N, 3), at least 0, and at most 1 for what reflects. `srgb_to_linear` decodes
+            sRGB values.
         colours: The same.
         opacities: Opacities, (N,), 0 to 1.
         velocities: Velocities, (N, 3), model units per `velocity_unit`.
@@ -121,7 +137,8 @@ class Points(Model):
         two_sided: Show both sides, for normals whose signs mean nothing.
 
     Raises:
-        InvalidValue: A column has a wrong shape or dtype, or values out of bounds.
+        InvalidValue: A column has a wrong shape or dtype, a colour is negative or too large for a picture, or a velocity
+            is beyond 1e18.
         ModelError: No point is left that can be drawn.
     """
 
@@ -156,7 +173,7 @@ class Points(Model):
         for name, value in {"radii": radii, "opacities": opacities}.items():
             if value is not None:
                 columns[name] = _arrays.column(value, name, rows, None)
-        self._native = _native.Object.points(columns, velocity_unit, bool(two_sided))
+        self._native = _native.Object.points(columns, velocity_unit, _arrays.flag(two_sided, "two_sided"))
         tell(self.notes)
 
 
@@ -210,7 +227,8 @@ class Gaussians(Model):
                 raise invalid("sh", f"of shape {shape}", f"the shape ({rows}, K, 3) with K = 1, 4, 9 or 16")
             degree = degrees[shape[1]]
             columns["sh"] = _arrays.ready(coefficients)
-        self._native = _native.Object.gaussians(columns, degree, bool(linear), bool(antialiased))
+        flags = _arrays.flag(linear, "linear"), _arrays.flag(antialiased, "antialiased")
+        self._native = _native.Object.gaussians(columns, degree, *flags)
 
     @classmethod
     def load(cls, path: Path, *, kind: Literal["surfels", "gaussians"] | None = "gaussians") -> Model:
@@ -232,20 +250,21 @@ class SceneModel(Model):
     def __init__(self, scene: _loaded.LoadedScene, index: int) -> None:
         self._scene = scene
         self._index = index
-        self._native = scene.native.objects[index]
+        if not _native.is_forked():
+            self._native = scene.native.objects[index]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return SceneModel, (self._scene, self._index)
 
 
-class Object:
+class Object(ForkedLazily, Fixed):
     """A model in a scene, with its place, motion and look.
 
     A point of the model goes through `transform`, and then through the poses.
 
     Args:
         model: Points, Gaussians, another model, or the path of a model file.
-        name: A name that no other object of the scene has.
+        name: A name that no other object of the scene has, in one line.
         transform: Model to world before any motion, (4, 4): translation, rotation and scales.
         poses: `(times, matrices)`: frame numbers (T,), rising, and matrices (T, 4, 4) that take the space of the model
             (after `transform`) to the world. Between two poses the object moves at constant speed and turns the
@@ -256,7 +275,8 @@ class Object:
         material: Coefficients (ambient, diffuse, specular, shininess) of surfels.
 
     Raises:
-        InvalidValue: A matrix is singular, sheared or not finite, times do not rise, or a value is out of bounds.
+        InvalidValue: A matrix is singular, sheared or not finite, some poses mirror and some do not, times do not rise,
+            or a value is out of bounds.
     """
 
     def __init__(
@@ -271,6 +291,8 @@ class Object:
         opacity: float = 1.0,
         material: npt.ArrayLike | None = None,
     ) -> None:
+        if not isinstance(model, (Model, str, PathLike)):
+            raise invalid("model", f"a {type(model).__name__}", "Points, Gaussians, a Model or the path of a file")
         self._model = model if isinstance(model, Model) else Model.load(model)
         self._native = self._model._native
         self._changes: dict[str, Any] = {}
@@ -293,11 +315,11 @@ class Object:
     def _change(self, key: str, value: Any) -> None:
         """Changes one value; the object that a renderer may have meanwhile stays as it is."""
         if key == "name":
-            if not isinstance(value, str):
-                raise invalid("name", f"{value!r}"[:200], "a text")
+            if not isinstance(value, str) or value != value.strip() or re.search(r"[\x00-\x1f\x7f-\x9f]", value):
+                raise invalid("name", f"{value!r}"[:200], "a text of one line, without blanks at its ends")
             changed = self._native.with_name(value)
         elif key == "blur":
-            changed = self._native.with_blur(bool(value))
+            changed = self._native.with_blur(_arrays.flag(value, "blur"))
         elif key == "opacity":
             value = _arrays.number(value, "opacity")
             if not 0.0 <= value <= 1.0:
@@ -387,7 +409,10 @@ class Object:
 
 def _rebuilt(model: Model, changes: dict[str, Any]) -> Object:
     made = object.__new__(Object)
-    made._model, made._native, made._changes = model, model._native, {}
+    made._model, made._changes = model, {}
+    if _native.is_forked():
+        return made
+    made._native = model._native
     for key, value in changes.items():
         made._change(key, value)
     return made

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import warnings
 from typing import Any, Callable, Iterable, Iterator, Sequence, overload
 
 from . import _arrays, _native
 from ._camera import Camera
-from ._errors import NoteWarning, invalid
+from ._errors import invalid
 from ._frame import Frame
+from ._objects import tell
 from ._scene import Scene
 
 Aovs = str | Sequence[str]
@@ -26,19 +26,25 @@ def _choices(
     two_sided: bool = False,
     epsilon: float | None = None,
     smooth: bool = False,
+    **unknown: Any,
 ) -> dict[str, Any]:
-    """The choices of a picture, as `_native` takes them."""
+    """The choices of a picture, as `_native` takes them; checked."""
+    if unknown:
+        known = "seed, filter, prefilter, shading, detail, two_sided, epsilon, smooth"
+        raise TypeError(f"unexpected keyword argument {sorted(unknown)[0]!r} (there are: {known})")
     texts = {"mode": mode, "filter": filter, "prefilter": prefilter, "shading": shading, "detail": detail}
     for name, text in texts.items():
         if not isinstance(text, str):
             raise invalid(name, f"a {type(text).__name__}", "a text")
-    return texts | {
+    choices = texts | {
         "aovs": _arrays.names(aovs, "aovs"),
         "seed": _arrays.count(seed, "seed", 0, 2**64 - 1),
-        "two_sided": bool(two_sided),
+        "two_sided": _arrays.flag(two_sided, "two_sided"),
         "epsilon": None if epsilon is None else _arrays.number(epsilon, "epsilon"),
-        "smooth": bool(smooth),
+        "smooth": _arrays.flag(smooth, "smooth"),
     }
+    _native.check_choices(choices)
+    return choices
 
 
 def _bar(progress: bool, total: float, unit: str) -> Any:
@@ -158,7 +164,7 @@ class Renderer:
             KeyboardInterrupt: Ctrl-C was pressed.
         """
         choices = _choices(mode, aovs, **look)
-        number = _arrays.number(frame, "frame")
+        number = _arrays.frame(frame, "frame")
         if cameras is None:
             return self._frame(_native_of(scene), number, choices)
         return [self._frame(_native_of(scene, camera), number, choices) for camera in cameras]
@@ -169,7 +175,7 @@ class Renderer:
         if left_out:
             note = f"{left_out} pixels, over all instants, have too many layers of see-through surfels; those behind " \
                    "are left out"
-            warnings.warn(note, NoteWarning, stacklevel=3)
+            tell([note])
         return frame
 
     def frames(
@@ -198,7 +204,7 @@ class Renderer:
         choices = _choices(mode, aovs, **look)
         native = _native_of(scene)
         given = scene.frames if numbers is None else numbers
-        listed = [_arrays.number(number, "numbers") for number in given]
+        listed = [_arrays.frame(number, "numbers") for number in given]
         return Frames(listed, lambda number: self._frame(native, number, choices), progress)
 
     def reference(
@@ -234,7 +240,9 @@ class Renderer:
         choices = _choices(aovs=aovs, **look)
         samples = _arrays.count(samples, "samples", 1, 2**62)
         error = None if error is None else _arrays.number(error, "error")
-        number = _arrays.number(frame, "frame")
+        if error is not None and not error > 0.0:
+            raise invalid("error", error, "a standard error above 0")
+        number = _arrays.frame(frame, "frame")
         bar = _bar(progress, 1.0, "round")
 
         def tell(share: float) -> None:

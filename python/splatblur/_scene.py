@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import math
+import operator
 import os
+import re
 from os import PathLike, fspath
 from typing import Any, Iterable, Sequence
 
@@ -13,7 +16,7 @@ import numpy.typing as npt
 
 from . import _arrays, _native
 from ._camera import Camera, Environment, Light, Shutter
-from ._errors import invalid
+from ._errors import Fixed, invalid
 from ._loaded import LoadedScene
 from ._objects import Model, Object, tell
 
@@ -21,7 +24,7 @@ _RATE = 24.0
 _MOST_FRAME = 1_000_000_000
 
 
-class Scene:
+class Scene(Fixed):
     """All that is rendered. Attributes may be changed at any time; a frame that is being rendered stays as it is.
 
     Attributes:
@@ -52,6 +55,10 @@ class Scene:
         InvalidValue: A value is out of its bounds.
     """
 
+    _attributes = (
+        "objects", "camera", "shutter", "lights", "background", "transparent", "environment", "rate", "name",
+    )
+
     def __init__(
         self,
         objects: Iterable[Object | Model | str | PathLike[str]] | Object | Model,
@@ -67,6 +74,8 @@ class Scene:
         size: tuple[int, int] | None = None,
         name: str = "scene",
     ) -> None:
+        if isinstance(objects, (str, PathLike)):
+            raise invalid("objects", f"the path {fspath(objects)!r}", "a list of objects (splatblur.load reads a file)")
         given = [objects] if isinstance(objects, (Object, Model)) else list(objects)
         self._base: LoadedScene | None = None
         self._shutter_of_base: Shutter | None = None
@@ -76,7 +85,7 @@ class Scene:
         self.shutter = shutter or Shutter()
         self.lights: list[Light] | None = None if lights is None else list(lights)
         self.background: npt.ArrayLike = background
-        self.transparent = bool(transparent)
+        self.transparent = transparent
         if environment is not None and not isinstance(environment, Environment):
             environment = Environment(environment)
         self.environment: Environment | None = environment
@@ -89,7 +98,7 @@ class Scene:
     @classmethod
     def _load(cls, path: str, size: tuple[int, int] | None, lenient: bool) -> Scene:
         base = LoadedScene(path, size, lenient)
-        tell(base.native.notes, 4)
+        tell(base.native.notes)
         scene = object.__new__(cls)
         scene._take(base)
         return scene
@@ -127,8 +136,8 @@ class Scene:
 
     def __getitem__(self, key: str | int) -> Object:
         """An object by its name or number."""
-        if isinstance(key, int):
-            return self.objects[key]
+        if not isinstance(key, str):
+            return self.objects[operator.index(key)]
         names = self._names()
         if key not in names:
             raise KeyError(f"no object {key!r} (there are: {', '.join(names)})")
@@ -142,8 +151,19 @@ class Scene:
         return f"<splatblur.Scene {self.name!r}: {len(self.objects)} objects, {width} x {height}>"
 
     def _names(self) -> list[str]:
-        """Names of the objects; those without one are numbered."""
-        return [each.name or f"object{number}" for number, each in enumerate(self.objects, 1)]
+        """Names of the objects; those without one are numbered, by a number that is free."""
+        names = [each.name for each in self.objects]
+        given = {name for name in names if name}
+        for number, name in enumerate(names):
+            if name:
+                continue
+            free = (f"object{count}" for count in itertools.count(number + 1))
+            names[number] = next(name for name in free if name not in given)
+            given.add(names[number])
+        if len(given) < len(names):
+            twice = next(name for number, name in enumerate(names) if name in names[:number])
+            raise invalid("objects", f"two that are named {twice!r}", "a name of its own for each")
+        return names
 
     def _resolve(self, camera: Camera | None = None) -> _native.Scene:
         """The scene as it is now, for a renderer. `camera` replaces its own."""
@@ -151,7 +171,8 @@ class Scene:
         self._check_types()
         rate = _arrays.number(self.rate, "rate")
         if self.shutter.fps is not None and not math.isclose(self.shutter.fps, rate):
-            raise invalid("shutter", f"in seconds at {self.shutter.fps} frames per second", f"{rate}, the scene's rate")
+            found = f"in seconds at {self.shutter.fps:g} frames per second"
+            raise invalid("shutter", found, f"fps={rate:g}, as scene.rate is (or set scene.rate = {self.shutter.fps:g})")
         natives = [each._native for each in self.objects]
         natives = [own if own.name else own.with_name(name) for own, name in zip(natives, self._names(), strict=True)]
         same_camera = camera is self._camera_of_base
@@ -161,8 +182,8 @@ class Scene:
             {
                 "name": self.name,
                 "size": self.size if camera is None else (camera.width, camera.height),
-                "background": _arrays.three(self.background, "background"),
-                "transparent": bool(self.transparent),
+                "background": _arrays.colour(self.background, "background"),
+                "transparent": _arrays.flag(self.transparent, "transparent"),
                 "frames": self._frames,
                 "rate": rate,
                 "shutter": None if self.shutter == self._shutter_of_base else self.shutter._values(),
@@ -195,31 +216,48 @@ class Scene:
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the scene as XML, for the program and for `load`.
 
-        Models that were made in code are written beside it, as `<scene>.<object>.bin`, captures as `.ply`.
+        Models that were made in code are written beside it, as `<scene>.<object>.bin`, captures as `.ply`; an
+        environment of pixels as `<scene>.environment.exr`. A file that is being written is finished before Ctrl-C ends
+        the rest.
 
         Raises:
-            InvalidValue: An object or the camera goes through poses, which a scene file cannot hold, or colours of a
-                capture are linear.
+            InvalidValue: An object or the camera goes through poses, or the camera's axis is not in the middle, which a
+                scene file cannot hold; or colours of a capture are linear, which its file cannot hold.
+            OSError: A file cannot be written.
         """
         path = fspath(path)
         scene = self._resolve()
-        for each in self.objects:
+        for each, name in zip(self.objects, self._names(), strict=True):
             if each.poses is not None:
-                raise invalid(f"poses of {each.name or 'an object'}", "given as arrays", "motion that a file can hold")
-        if self.camera is not None and self.camera._native is not None and self.camera._native.poses() is not None:
-            raise invalid("camera", "moving through poses given as arrays", "motion that a file can hold")
+                raise invalid(f"poses of {name}", "given as arrays", "motion that a scene file can hold")
+        camera = None if self.camera is self._camera_of_base or self.camera is None else self.camera._native
+        if camera is not None and camera.poses() is not None:
+            raise invalid("camera", "moving through poses given as arrays", "motion that a scene file can hold")
+        if camera is not None and not camera.of_file and max(map(abs, camera.lens[2])) > 1e-12:
+            raise invalid("K", "of an axis that is not in the middle of the image", "one that a scene file can hold")
+        for own in scene.objects:
+            _check_capture(own)
         stem = os.path.splitext(path)[0]
         written = []
+        taken = {f"{stem}.environment.exr"}
         for own, name in zip(scene.objects, self._names(), strict=True):
             if not own.path and own.kind in ("surfels", "gaussians"):
-                file = f"{stem}.{name}.{'bin' if own.kind == 'surfels' else 'ply'}"
+                end = "bin" if own.kind == "surfels" else "ply"
+                # A name may hold what no file name can.
+                plain = re.sub(r"[^\w.-]", "_", name)
+                files = (f"{stem}.{plain}{number or ''}.{end}" for number in itertools.count())
+                file = next(file for file in files if file not in taken)
+                taken.add(file)
                 if own.kind == "surfels":
                     own.save(file)
                 else:
                     _write_capture(own, file)
                 own = own.with_path(file)
-            written.append(own)
-        scene.with_objects(written).save(path)
+            written.append(own.with_antialias())
+        environment = scene.environment
+        if environment is not None and not environment.path:
+            environment = environment.saved(f"{stem}.environment.exr")
+        scene.of_saved(written, environment).save(path)
 
     def __getstate__(self) -> dict[str, Any]:
         state = dict(self.__dict__)
@@ -231,10 +269,16 @@ class Scene:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        if self._base is not None:
+        if self._base is not None and not _native.is_forked():
             native = self._base.native
             self._camera_of_base = Camera._of(native.camera, native.values[1])
             self.camera = self.camera or self._camera_of_base
+
+
+def _check_capture(own: _native.Object) -> None:
+    columns = own.columns() if own.kind == "gaussians" and not own.path else None
+    if columns is not None and columns["linear"]:
+        raise invalid(f"capture {own.name}", "of linear colours", "sRGB-encoded ones, which PLY holds")
 
 
 def _write_capture(own: _native.Object, path: str) -> None:
@@ -242,8 +286,6 @@ def _write_capture(own: _native.Object, path: str) -> None:
 
     columns = own.columns()
     assert columns is not None
-    if columns["linear"]:
-        raise invalid(f"capture {own.name}", "of linear colours", "sRGB-encoded ones, which PLY holds")
     write_gaussians(path, columns)
 
 
@@ -284,7 +326,7 @@ def load(path: str | PathLike[str], *, size: tuple[int, int] | None = None, leni
     path = fspath(path)
     if not os.path.exists(path):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), path)
-    return Scene._load(path, None if size is None else _size(size), bool(lenient))
+    return Scene._load(path, None if size is None else _size(size), _arrays.flag(lenient, "lenient"))
 
 
 def save(scene: Scene, path: str | PathLike[str]) -> None:

@@ -44,6 +44,17 @@ impl Choices {
     }
 }
 
+/// Refuses a recipe that no data set takes.
+#[pyfunction]
+pub(crate) fn check_recipe(py: Python<'_>, recipe: Choices) -> PyResult<()> {
+    let by = if recipe.reference > 0 {
+        traced(recipe.reference, Look::default())
+    } else {
+        splatted(RenderOptions::default())
+    };
+    recipe.recipe(py, by).map(drop)
+}
+
 /// By ray tracing.
 pub(crate) fn traced(samples: u64, look: Look) -> By {
     By::Tracing(ReferenceOptions { samples, look, ..ReferenceOptions::default() })

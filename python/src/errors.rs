@@ -11,7 +11,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict as _, PyDict};
 use splatblur::compare::CompareError;
-use splatblur::fields::{Location, Place};
+use splatblur::fields::{Location, OptionError, Place};
 use splatblur::reference::ReferenceError;
 use splatblur::{BackendError, ImageError, Invalid, ModelError, SceneError, Stop};
 
@@ -47,6 +47,17 @@ pub(crate) fn invalid(py: Python<'_>, field: &str, found: &str, expected: &str) 
     fields(py, "InvalidValue", &message, &[("field", field), ("found", found), ("expected", expected)])
 }
 
+/// A text that means nothing, by what is wrong with it.
+pub(crate) fn refused(py: Python<'_>, field: &str, text: &str, why: &OptionError) -> PyErr {
+    use OptionError as E;
+    let (found, expected) = match why {
+        E::Word { known, .. } | E::Mode { known, .. } => (format!("`{text}`"), format!("one of: {known}")),
+        E::Value { expected, .. } => (format!("`{text}`"), expected.clone()),
+        _ => (format!("`{text}`, where {why}"), "another".to_owned()),
+    };
+    invalid(py, field, &found, &expected)
+}
+
 fn fields(py: Python<'_>, class: &str, message: &str, fields: &[(&str, &str)]) -> PyErr {
     match fields.iter().copied().into_py_dict(py) {
         Ok(fields) => exception(py, class, message, &fields),
@@ -61,7 +72,9 @@ pub(crate) trait Raise {
 
 impl Raise for Invalid {
     fn raise(&self, py: Python<'_>) -> PyErr {
-        invalid(py, &self.field, &self.found, &self.expected)
+        // Vectors by their numbers alone.
+        let found = self.found.replace("DVec3(", "(").replace("Vec3(", "(");
+        invalid(py, &self.field, &found, &self.expected)
     }
 }
 
@@ -202,14 +215,27 @@ static PROCESS: AtomicU32 = AtomicU32::new(0);
 /// Refuses work in a child of `fork`: the threads of the pool are not there, and whoever waits for them waits for ever.
 pub(crate) fn guard(py: Python<'_>) -> PyResult<()> {
     let now = std::process::id();
-    match PROCESS.compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed) {
-        Err(before) if before != now => {}
-        _ => return Ok(()),
+    let before = PROCESS.compare_exchange(0, now, Ordering::Relaxed, Ordering::Relaxed).unwrap_or_else(|before| before);
+    if before == 0 || before == now {
+        return Ok(());
     }
     let message = "splatblur was used in the parent process before this one was forked from it, and its threads are \
                    not here. Start workers by spawn: multiprocessing.get_context(\"spawn\"), or \
                    DataLoader(..., multiprocessing_context=\"spawn\")";
     Err(fields(py, "ForkError", message, &[]))
+}
+
+/// Was this process forked from one that had used splatblur?
+#[pyfunction]
+pub(crate) fn is_forked() -> bool {
+    let before = PROCESS.load(Ordering::Relaxed);
+    before != 0 && before != std::process::id()
+}
+
+/// As [`guard`], for the Python layer.
+#[pyfunction]
+pub(crate) fn check_fork(py: Python<'_>) -> PyResult<()> {
+    guard(py)
 }
 
 /// How often signals are looked for.
@@ -246,6 +272,25 @@ pub(crate) fn interruptible<T: Send>(
                 (Err(panic), None) => Err(panicked(&*panic)),
             }
         })
+    })
+}
+
+/// Does `work`, which nothing can stop, in another thread without the interpreter's lock. Where Ctrl-C is pressed, this
+/// thread goes on at once; the work ends in its own time, and what it made is dropped.
+pub(crate) fn patient<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+    py.detach(|| {
+        let (sender, done) = mpsc::channel::<T>();
+        let worker = thread::spawn(move || drop(sender.send(work())));
+        loop {
+            match done.recv_timeout(PAUSE) {
+                Ok(made) => return Ok(made),
+                Err(RecvTimeoutError::Timeout) => Python::attach(|py| py.check_signals())?,
+                Err(RecvTimeoutError::Disconnected) => {
+                    let panic = worker.join().err();
+                    return Err(panic.map_or_else(|| PyRuntimeError::new_err("no result"), |panic| panicked(&*panic)));
+                }
+            }
+        }
     })
 }
 

@@ -29,6 +29,11 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<render::Renderer>()?;
     module.add_class::<picture::Origin>()?;
+    module.add_function(wrap_pyfunction!(errors::is_forked, module)?)?;
+    module.add_function(wrap_pyfunction!(errors::check_fork, module)?)?;
+    module.add_function(wrap_pyfunction!(render::check_choices, module)?)?;
+    module.add_function(wrap_pyfunction!(dataset::check_recipe, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::check_shutter, module)?)?;
     module.add_function(wrap_pyfunction!(model::copied, module)?)?;
     module.add_function(wrap_pyfunction!(picture::srgb8, module)?)?;
     module.add_function(wrap_pyfunction!(picture::png, module)?)?;

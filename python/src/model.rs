@@ -12,12 +12,12 @@ use splatblur::glam::{DMat4, DQuat, DVec3, EulerRot, Quat, Vec3};
 use splatblur::model::{LoadOptions, load, write_bin, write_ply};
 use splatblur::scene::pose::object_pose;
 use splatblur::{
-    AnimationBinding, Gaussians, Invalid, Material, Motion, Optics, Scene, Shape, Source, Surfels, SurfelsBuilder,
-    Transform, VelocityUnit,
+    AnimationBinding, Gaussians, Invalid, Material, ModelError, Motion, Optics, Scene, Shape, Source, Surfels,
+    SurfelsBuilder, Transform, VelocityUnit,
 };
 
 use crate::arrays;
-use crate::errors::{OrRaise as _, guard, invalid};
+use crate::errors::{OrRaise as _, guard, invalid, patient};
 
 /// Poses at frames, which become a motion once the rate of the scene is known.
 #[derive(Clone)]
@@ -81,6 +81,36 @@ impl Object {
     }
 }
 
+/// Names of columns in the library, and their arguments here.
+type Words = &'static [(&'static str, &'static str)];
+const POINTS: Words = &[
+    ("position", "positions"),
+    ("colour", "colours"),
+    ("velocity", "velocities"),
+    ("acceleration", "accelerations"),
+    ("opacity", "opacities"),
+    ("normal", "normals"),
+];
+const GAUSSIANS: Words =
+    &[("position", "means"), ("sigma", "scales"), ("opacity", "opacities"), ("base", "sh"), ("harmonics", "sh")];
+const COLOURED: Words = &[("position", "means"), ("sigma", "scales"), ("opacity", "opacities"), ("base", "colours")];
+
+/// The flaw of a column by the name of the argument that it came from.
+fn in_words(flaw: Invalid, words: Words) -> Invalid {
+    let field = flaw.field.trim_start_matches("objects[0].shape.model.");
+    let (name, row) = field.split_at(field.find('[').unwrap_or(field.len()));
+    let argument = words.iter().find(|(column, _)| *column == name).map(|(_, argument)| *argument);
+    Invalid { field: argument.map_or_else(|| field.to_owned(), |argument| format!("{argument}{row}")), ..flaw }
+}
+
+/// The same of an error of a model.
+fn in_words_of(error: ModelError, words: Words) -> ModelError {
+    match error {
+        ModelError::Column(flaw) => ModelError::Column(in_words(flaw, words)),
+        other => other,
+    }
+}
+
 /// An optional column of a dict.
 fn column<T>(
     columns: &Bound<'_, PyDict>,
@@ -136,9 +166,13 @@ impl Object {
     fn points(py: Python<'_>, columns: &Bound<'_, PyDict>, velocity_unit: &str, two_sided: bool) -> PyResult<Self> {
         guard(py)?;
         let (builder, _) = builder(columns, velocity_unit, two_sided)?;
-        let (surfels, notes) = py.detach(|| builder.build()).or_raise(py)?;
-        let object = py.detach(|| splatblur::Object::new(surfels));
-        Ok(Self { object, poses: None, notes })
+        let made =
+            patient(py, move || builder.build().map(|(surfels, notes)| (splatblur::Object::new(surfels), notes)));
+        let (object, notes) = made?.or_raise(py)?;
+        let mut alone = Scene::new([]);
+        alone.objects.push(object);
+        py.detach(|| alone.check()).map_err(|flaw| in_words(flaw, POINTS)).or_raise(py)?;
+        Ok(Self { object: alone.objects.remove(0), poses: None, notes })
     }
 
     /// A capture, by columns of one length: means, quaternions (w first), scales, opacities, and colours or `sh`, which
@@ -179,7 +213,9 @@ impl Object {
             antialiased,
             ..Gaussians::default()
         };
-        Ok(Self::plain(py.detach(|| splatblur::Object::from_gaussians(gaussians)).or_raise(py)?))
+        let words = if columns.contains("colours")? { COLOURED } else { GAUSSIANS };
+        let made = patient(py, move || splatblur::Object::from_gaussians(gaussians))?;
+        Ok(Self::plain(made.map_err(|error| in_words_of(error, words)).or_raise(py)?))
     }
 
     /// An object of a model file. `kind`: `surfels`, `gaussians`, or nothing for what the file is.
@@ -194,9 +230,15 @@ impl Object {
             Some(other) => return Err(invalid(py, "kind", &format!("`{other}`"), "surfels, gaussians or None")),
         };
         let options = LoadOptions { kind, ..LoadOptions::default() };
-        let loaded = py.detach(|| load(&path, &options, &|_, _| {})).or_raise(py)?;
-        let notes = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
-        let mut object = py.detach(|| splatblur::Object::new(loaded));
+        let (from, with) = (path.clone(), options.clone());
+        let loaded = patient(py, move || {
+            load(&from, &with, &|_, _| {}).map(|mut loaded| {
+                let notes = std::mem::take(&mut loaded.notes);
+                (splatblur::Object::new(loaded), notes)
+            })
+        });
+        let (mut object, notes) = loaded?.or_raise(py)?;
+        let notes = notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
         object.source = Source { path, options };
         Ok(Self { object, poses: None, notes })
     }
@@ -318,6 +360,15 @@ impl Object {
     /// The same, of a model file that holds it.
     fn with_path(&self, path: PathBuf) -> Self {
         self.with(|object| object.source.path = path)
+    }
+
+    /// The same capture, which says itself whether it was trained with an antialiased rasteriser: PLY cannot.
+    fn with_antialias(&self) -> Self {
+        self.with(|object| {
+            if let Shape::Gaussians { model, capture } = &mut object.shape {
+                capture.antialias = capture.antialias.or(Some(model.gaussians().antialiased));
+            }
+        })
     }
 
     /// Writes the surfels to a file, `.bin` or `.ply`.

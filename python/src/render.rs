@@ -17,7 +17,7 @@ use splatblur::{Aov, BackendError, Device, Look, RenderOptions, Stats, Stop};
 use crate::cli::memory::budget;
 use crate::cli::words::with_flags;
 use crate::dataset;
-use crate::errors::{OrRaise as _, Raise as _, guard, interruptible, invalid};
+use crate::errors::{OrRaise as _, Raise as _, guard, interruptible, invalid, refused};
 use crate::picture::{How, Origin, to_arrays};
 use crate::scene::Scene;
 
@@ -49,13 +49,13 @@ pub(crate) struct Choices {
 
 /// A value by its text; else an error that names the field.
 fn word<T: std::str::FromStr<Err = OptionError>>(py: Python<'_>, field: &str, text: &str) -> PyResult<T> {
-    text.parse().map_err(|why: OptionError| invalid(py, field, &format!("`{text}`"), &format!("another: {why}")))
+    text.parse().map_err(|why: OptionError| refused(py, field, text, &why))
 }
 
 impl Choices {
     fn look(&self, py: Python<'_>) -> PyResult<Look> {
         let aovs = self.aovs.iter().map(|name| word(py, "aovs", name)).collect::<PyResult<Vec<Aov>>>()?;
-        let aovs = in_order(&aovs).map_err(|why| invalid(py, "aovs", "wrong", &why.to_string()))?;
+        let aovs = in_order(&aovs).map_err(|why| refused(py, "aovs", &self.aovs.join(","), &why))?;
         Ok(Look {
             filter: word(py, "filter", &self.filter)?,
             shading: word(py, "shading", &self.shading)?,
@@ -76,6 +76,12 @@ impl Choices {
             reconstruct: self.smooth,
         })
     }
+}
+
+/// Refuses choices that no renderer takes.
+#[pyfunction]
+pub(crate) fn check_choices(py: Python<'_>, choices: Choices) -> PyResult<()> {
+    choices.options(py, 0).map(drop)
 }
 
 impl Renderer {

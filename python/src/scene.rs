@@ -11,10 +11,10 @@ use splatblur::fields::{LoadedScene, OptionError};
 use splatblur::glam::{DMat3, DMat4, DVec2, DVec3};
 use splatblur::scene::pose::camera_from_world;
 use splatblur::scene_file::{SceneLoadOptions, load_model, to_xml};
-use splatblur::{Anchor, Direction, FrameRange, LatLong, Light, Picture, Readout, Shutter, Weight, files};
+use splatblur::{Anchor, Direction, FrameRange, Invalid, LatLong, Light, Picture, Readout, Shutter, Weight, files};
 
 use crate::arrays;
-use crate::errors::{OrRaise as _, guard, invalid};
+use crate::errors::{OrRaise as _, guard, invalid, patient, refused};
 use crate::model::{Object, PoseArrays, Poses};
 
 /// A camera. It never changes.
@@ -121,6 +121,17 @@ impl Environment {
         (self.0.rotation.to_degrees(), self.0.intensity, self.0.background)
     }
 
+    /// Writes its picture as EXR, and gives the same environment as one of that file.
+    fn saved(&self, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let map = self.0.map();
+        let rgba = map.pixels().iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();
+        let picture = Picture { width: map.width() as u32, height: map.height() as u32, rgba, layers: Vec::new() };
+        py.detach(|| picture.write(&path)).or_raise(py)?;
+        let mut environment = self.0.clone();
+        environment.path = path;
+        Ok(Self(environment))
+    }
+
     /// Its pixels (H, 2 H, 3).
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let map = self.0.map();
@@ -169,7 +180,7 @@ type SceneValues = (String, (u32, u32), [f64; 3], bool, (i64, i64), f64, Shutter
 type LightValues = (String, [f64; 3], [f64; 3]);
 
 fn shutter(py: Python<'_>, (open, close, weight, duration, direction, anchor): ShutterValues) -> PyResult<Shutter> {
-    let refused = |why: OptionError| invalid(py, "weight", &weight, &why.to_string());
+    let refused = |why: OptionError| refused(py, "weight", &weight, &why);
     let weight: Weight = weight.parse().map_err(refused)?;
     let direction = Direction::ALL
         .into_iter()
@@ -188,6 +199,21 @@ fn light(py: Python<'_>, (kind, place, colour): LightValues) -> PyResult<Light> 
         "ambient" => Ok(Light::Ambient { colour }),
         other => Err(invalid(py, "light", &format!("`{other}`"), "directional, point or ambient")),
     }
+}
+
+/// Refuses a shutter that no scene takes.
+#[pyfunction]
+pub(crate) fn check_shutter(py: Python<'_>, values: ShutterValues) -> PyResult<()> {
+    // Any scene that is valid.
+    let mut scene = splatblur::Scene::new([splatblur::Object::new(splatblur::Sphere {
+        radius: 1.0,
+        colour: splatblur::glam::Vec3::ONE,
+    })]);
+    scene.shutter = shutter(py, values)?;
+    scene
+        .check()
+        .map_err(|flaw| Invalid { field: flaw.field.trim_start_matches("shutter.").to_owned(), ..flaw })
+        .or_raise(py)
 }
 
 /// What a Python scene says beside its objects.
@@ -216,14 +242,15 @@ impl Scene {
         let count = files::open(&path)
             .ok()
             .map_or(0, |mut file| std::io::Read::read(&mut file, &mut start).unwrap_or_default());
+        let from = path.clone();
         let LoadedScene { scene, notes } = if is_xml(&start[..count], &path) {
-            let opening = splatblur::Scene::open(&path);
+            let opening = splatblur::Scene::open(&from);
             let opening = if lenient { opening.lenient() } else { opening };
             let opening = size.map_or(opening.clone(), |(width, height)| opening.size(width, height));
-            py.detach(|| opening.load_with_notes()).or_raise(py)?
+            patient(py, move || opening.load_with_notes())?.or_raise(py)?
         } else {
             let options = SceneLoadOptions { lenient, size, ..SceneLoadOptions::default() };
-            py.detach(|| load_model(&path, &options)).or_raise(py)?
+            patient(py, move || load_model(&from, &options))?.or_raise(py)?
         };
         Ok(Self { scene: Arc::new(scene), path: Some(path), of_files: true, notes })
     }
@@ -337,10 +364,11 @@ impl Scene {
         self.scene.objects.iter().cloned().map(Object::plain).collect()
     }
 
-    /// The same with other objects.
-    fn with_objects(&self, objects: Vec<Bound<'_, Object>>) -> Self {
+    /// The same with other objects, and with this environment.
+    fn of_saved(&self, objects: Vec<Bound<'_, Object>>, environment: Option<&Bound<'_, Environment>>) -> Self {
         let mut scene = (*self.scene).clone();
         scene.objects = objects.iter().map(|object| object.get().object.clone()).collect();
+        scene.environment = environment.map(|environment| environment.get().0.clone());
         Self { scene: Arc::new(scene), path: self.path.clone(), of_files: self.of_files, notes: Vec::new() }
     }
 
@@ -365,13 +393,15 @@ pub(crate) fn camera_to_world(scene: &splatblur::Scene, frame: f64) -> DMat4 {
     DMat4::from_mat3_translation(turn, -(turn * camera.w_axis.truncate()))
 }
 
-/// The frames of a scene in code: those of all poses, else as the library chooses.
+/// The frames of a scene in code: those of all poses, of objects and camera, else as the library chooses.
 fn frames(scene: &splatblur::Scene) -> FrameRange {
-    let camera = scene.camera.animation.as_ref().filter(|_| scene.objects.iter().all(|o| o.animation.is_none()));
-    let Some(camera) = camera else { return scene.frames };
     let rate = scene.frames.rate;
-    let (first, last) = camera.node.range();
-    FrameRange { first: (first * rate - 1e-6).ceil() as i64, last: (last * rate + 1e-6).floor() as i64, rate }
+    let moving = scene.objects.iter().filter_map(|object| object.animation.as_ref()).chain(&scene.camera.animation);
+    let all = moving.map(|binding| binding.node.range()).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let Some((first, last)) = all else { return scene.frames };
+    // Poses that stand on a frame may miss it by rounding in the conversion to seconds and back.
+    let (first, last) = ((first * rate - 1e-6).ceil() as i64, (last * rate + 1e-6).floor() as i64);
+    FrameRange { first: first.min(last), last, rate }
 }
 
 /// Is it a scene file, and no model?

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import io
+import os
+import pickle
 import time
 import warnings
 
@@ -179,3 +182,11 @@ def test_a_jupyter_picture_decodes(renderer):
     frame = renderer.render(sb.Scene(ball(), camera=front()))
     shown = np.asarray(image.open(io.BytesIO(frame._repr_png_())).convert("RGBA"))
     assert np.array_equal(shown, frame.srgb8)
+
+
+def test_frames_are_pickled(renderer, tmp_path):
+    frame = renderer.render(sb.Scene(ball(), camera=front()), aovs="depth")
+    again = pickle.loads(pickle.dumps(frame))
+    assert np.array_equal(again.rgba, frame.rgba) and np.array_equal(again.depth, frame.depth)
+    again.save(tmp_path / "a.exr")
+    copy.deepcopy(frame).save(os.fsencode(tmp_path / "b.png"))

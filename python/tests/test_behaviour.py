@@ -11,6 +11,7 @@ import sys
 import textwrap
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -240,3 +241,57 @@ def _import_seconds() -> float:
     """Seconds of importing splatblur, with numpy."""
     code = "import time; s = time.perf_counter(); import splatblur; print(time.perf_counter() - s)"
     return float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+
+
+@pytest.mark.parametrize("what", ["points", "load"])
+def test_ctrl_c_ends_the_making_of_models(what, tmp_path):
+    """What is made goes on without anyone, and is dropped."""
+    rows = np.random.default_rng(1).normal(size=(700_000, 3))
+    if what == "load":
+        np.savetxt(tmp_path / "many.xyz", rows, fmt="%.4f")
+    script = textwrap.dedent(f"""
+        import numpy as np, os, signal, threading, time
+        import splatblur as sb
+        rows = np.random.default_rng(1).normal(size=(700_000, 3))
+        pressed = []
+        def press():
+            time.sleep(0.3); pressed.append(time.perf_counter()); os.kill(os.getpid(), signal.SIGINT)
+        threading.Thread(target=press).start()
+        try:
+            sb.Points(rows) if {what!r} == "points" else sb.Model.load({str(tmp_path / "many.xyz")!r})
+        except KeyboardInterrupt:
+            print(time.perf_counter() - pressed[0], flush=True)
+            os._exit(0)
+    """)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and done.stdout, done.stderr
+    within(float(done.stdout), 0.5)
+
+
+def _first(dataset):
+    try:
+        return dataset[0]["frame"]
+    except sb.ForkError as error:
+        return str(error)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("kind", ["arrays", "file", "model"])
+def test_a_pool_of_forked_workers_says_so_and_does_not_hang(kind):
+    if kind == "file":
+        scene = sb.load(SCENES / "crossing.xml", size=(16, 9))
+    else:
+        scene = sb.Scene([ball() if kind == "arrays" else SCENES / "models" / "ball.ply"], camera=front(16, 12))
+    data = sb.Dataset(scene, [0], mode="still")
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        [said] = pool.map_async(_first, [data]).get(timeout=60)
+        assert "spawn" in said
+
+
+def test_warnings_name_the_line_of_the_caller():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sb.Points(np.random.default_rng(0).normal(size=(50, 3)))
+        sb.io.hdf5  # noqa: B018
+    assert caught and all(each.filename == __file__ for each in caught)

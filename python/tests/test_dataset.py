@@ -136,3 +136,19 @@ def test_pairs_a_minute_are_those_of_the_program(program, tmp_path):
         ratios.append((time.perf_counter() - start) / of_program)
     print(f"seconds against the program's: {ratios}", file=sys.stderr)
     assert min(ratios) < 1.1
+
+
+def test_choices_are_refused_at_once_and_not_by_a_worker():
+    scene = sb.Scene(ball(), camera=front())
+    wrong = {
+        "mode": dict(mode="stil"), "noise": dict(noise=dict(sht=4)), "threads": dict(threads=0), "frames":
+        dict(frames=[np.nan]), "reference": dict(reference=5),
+    }
+    for field, choice in wrong.items():
+        with pytest.raises(sb.InvalidValue) as raised:
+            sb.Dataset(scene, **{"frames": [0], **choice})
+        assert raised.value.field == field
+    with pytest.raises(TypeError, match="slice"):
+        sb.Dataset(scene, [0])[0:1]
+    with pytest.raises(sb.InvalidValue, match="mode"):
+        sb.Renderer("cpu").frames(scene, [0], "stil")

@@ -1,6 +1,6 @@
 """Whatever is handed over: an exception that says what is wrong, or a picture; never a crash.
 
-`SPLATBLUR_EXAMPLES` is the number of examples of each property; python/run --deep takes 10,000 in all.
+`SPLATBLUR_EXAMPLES` is the number of examples of each property; python/run takes 10,000 in all.
 """
 
 from __future__ import annotations

@@ -357,3 +357,20 @@ def test_adapters_take_any_model_along(renderer):
     far[2, 3] = -5
     frame = renderer.render(sb.Scene(sb.Object(ball(), transform=far), camera=views.camera()), aovs="alpha")
     assert middle(frame) == pytest.approx([32, 24], abs=0.3)
+
+
+def test_speed_is_the_length_of_velocities_and_wrong_files_are_named(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    rng = np.random.default_rng(3)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["x"], file["y"], file["z"] = rng.normal(size=(3, 20))
+        file["v"] = rng.normal(size=(20, 3))
+    table = sb.io.hdf5.read(tmp_path / "a.h5")
+    by_speed = table.points(colour_by="speed", velocities="v")._native.columns()["colour"]
+    assert np.array_equal(by_speed, table.points(colour_by="v")._native.columns()["colour"])
+    (tmp_path / "b.png").write_bytes(b"no such thing")
+    with pytest.raises(sb.ModelError, match="no HDF5 file"):
+        sb.io.hdf5.read(tmp_path / "b.png")
+    pytest.importorskip("vtk")
+    with pytest.raises(sb.ModelError, match="extension"):
+        sb.io.vtk.read(tmp_path / "b.png")

@@ -57,9 +57,10 @@ def test_versions_agree():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_bytes_are_those_of_the_program(name, program, tmp_path, renderer):
-    """Every scene that ships, its first frame and one of the middle: headers and all."""
+    """Every scene that ships, its first frame and one of the middle (`SPLATBLUR_QUICK`: that alone): headers and all."""
     scene = sb.load(SCENES / f"{name}.xml", size=(96, 54))
     numbers = sorted({scene.frames[0], scene.frames[len(scene.frames) // 2]})
+    numbers = numbers[-1:] if os.environ.get("SPLATBLUR_QUICK") else numbers
     listed = ",".join(map(str, numbers))
     shared = ["--frames", listed, "--size", "96x54", "--backend", "cpu", "--quiet"]
     # Both read the scene by the same path, which headers hold by its name alone.

@@ -314,3 +314,113 @@ def test_columns_that_do_not_fit_are_refused():
     for empty in (np.zeros((0, 3)), np.full((5, 3), np.nan)):
         with pytest.raises(sb.ModelError, match="no usable points"):
             sb.Points(empty)
+
+
+@pytest.mark.parametrize("rate", [12, 24, 25, 30, 60])
+def test_frames_are_those_of_all_poses_at_any_rate(rate):
+    poses = np.stack([np.eye(4)] * 31)
+    moving = sb.Object(ball(), poses=(np.arange(31.0), poses))
+    assert sb.Scene([moving], camera=front(), rate=rate).frames == range(31)
+    camera = sb.Camera(48, 27, c2w=[shifted(0, 0, 5), shifted(0, 1, 5)], times=[-2, 40])
+    assert sb.Scene([moving], camera=camera, rate=rate).frames == range(-2, 41)
+    assert sb.Scene([ball()], camera=camera, rate=rate).frames == range(-2, 41)
+
+
+def test_what_is_saved_shows_the_same_picture(renderer, tmp_path):
+    rng = np.random.default_rng(6)
+    capture = sb.Gaussians(
+        rng.normal(size=(9, 3)), rng.normal(size=(9, 4)), np.full((9, 3), 0.05), np.full(9, 0.7),
+        colors=rng.uniform(0, 1, (9, 3)), antialiased=True,
+    )
+    sky = rng.uniform(0, 1, (8, 16, 3)).astype(np.float32)
+    scenes = {
+        "dark": sb.Scene(ball(), camera=front(), lights=[]),
+        "antialiased": sb.Scene(capture, camera=front(32, 24)),
+        "sky": sb.Scene(ball(), camera=front(), environment=sb.Environment(sky, rotation=30, intensity=2)),
+        "names": sb.Scene(
+            [ball(), sb.Object(ball(), name="object1", transform=shifted(1, 0, 0)), sb.Object(ball(), name="a/b"),
+             sb.Object(ball(), name="a_b", transform=shifted(-1, 0, 0))],
+            camera=front(),
+        ),
+    }
+    for name, scene in scenes.items():
+        scene.save(tmp_path / f"{name}.xml")
+        a, b = (renderer.render(each).rgba for each in (scene, sb.load(tmp_path / f"{name}.xml")))
+        assert np.abs(a - b).max() < (1e-3 if name == "antialiased" else 1e-6), name
+    # A black picture would be the same in each case but that of darkness.
+    assert renderer.render(scenes["dark"]).rgba[..., :3].max() == 0.0
+    plain = renderer.render(sb.Scene(sb.Gaussians._of(capture._native), camera=front(32, 24)), mode="still").rgba
+    assert plain[..., :3].max() > 0.01
+
+
+def test_what_no_file_can_hold_is_refused_before_anything_is_written(tmp_path):
+    K = [[40, 0, 10], [0, 40, 12], [0, 0, 1]]
+    axis = sb.Scene(ball(), camera=sb.Camera(32, 24, K=K, eye=(0, 0, 5), at=(0, 0, 0)))
+    linear = sb.Gaussians(np.zeros((1, 3)), [[1, 0, 0, 0]], [[1, 1, 1]], [1], colors=[[1, 1, 1]], linear=True)
+    for scene, field in ((axis, "K"), (sb.Scene([ball(), linear], camera=front()), "capture object2")):
+        with pytest.raises(sb.InvalidValue) as raised:
+            scene.save(tmp_path / "never.xml")
+        assert raised.value.field == field
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_are_unique_and_of_one_line():
+    with pytest.raises(sb.InvalidValue, match="'dup'"):
+        sb.Scene([sb.Object(ball(), name="dup"), sb.Object(ball(), name="dup")], camera=front())
+    for name in ("a\nb", " ", "a ", "\x1b[31m"):
+        with pytest.raises(sb.InvalidValue, match="one line"):
+            sb.Object(ball(), name=name)
+
+
+def test_matrices_of_cameras_are_rotations():
+    view = np.diag([1.0, -1.0, -1.0, 1.0])
+    view[2, 3] = 5.0
+    for given in (np.diag([-1.0, -1.0, -1.0, 1.0]) @ view, np.diag([1.0, 1.0, 3.0, 1.0]) @ view, np.diag([0.0, 1, 1, 1])):
+        for keyword in ("viewmat", "c2w"):
+            with pytest.raises(sb.InvalidValue) as raised:
+                sb.Camera(32, 24, **{keyword: given})
+            assert raised.value.field == keyword
+    # One scale of all axes changes no picture.
+    scaled = np.diag([2.0, 2.0, 2.0, 1.0]) @ view
+    same = [sb.render(sb.Scene(ball(), camera=sb.Camera(32, 24, viewmat=each)), mode="still") for each in (view, scaled)]
+    assert np.abs(same[0].rgba - same[1].rgba).max() < 1e-5
+
+
+def test_poses_do_not_pass_through_a_flat_one():
+    mirrored = np.diag([-1.0, 1.0, 1.0, 1.0])
+    with pytest.raises(sb.InvalidValue, match="mirrors"):
+        sb.Object(ball(), poses=([0, 1], [np.eye(4), mirrored]))
+    sb.Object(ball(), poses=([0, 1], [mirrored, mirrored]))
+
+
+def test_misspelt_and_meaningless_values_are_refused():
+    scene = sb.Scene(ball(), camera=front())
+    for thing, name in ((scene, "shuter"), (scene.objects[0], "opacty")):
+        with pytest.raises(AttributeError, match=name):
+            setattr(thing, name, 1)
+    refused = {
+        "velocity": lambda: sb.Object(ball(), velocity=1),
+        "colours": lambda: ball(colors=np.full((2_000, 3), -0.1)),
+        "near": lambda: sb.Camera(4, 4, eye=(0, 0, 1), at=(0, 0, 0), near=-1),
+        "error": lambda: sb.Renderer("cpu").reference(scene, error=-1),
+        "environment": lambda: sb.Environment(np.full((2, 4, 3), 200, np.uint8)),
+        "rgba": lambda: sb.Frame(np.full((2, 4, 3), 200, np.uint8)),
+        "transparent": lambda: sb.Scene(ball(), camera=front(), transparent="no"),
+        "model": lambda: sb.Object(np.zeros((3, 3))),
+        "objects": lambda: sb.Scene("scenes/crossing.xml"),
+        "velocities[0]": lambda: ball(velocities=[1e30, 0, 0]),
+        "weight": lambda: sb.Shutter(weight="bax"),
+        "direction": lambda: sb.Shutter(direction="left-ish"),
+        "close": lambda: sb.Shutter(0.25, -0.25),
+        "mode": lambda: sb.render(scene, mode="stil"),
+        "frame": lambda: sb.render(scene, np.inf),
+    }
+    for field, make in refused.items():
+        with pytest.raises(sb.InvalidValue) as raised:
+            make()
+        assert raised.value.field == field, raised.value
+        assert "Vec3" not in raised.value.message and "expected another" not in raised.value.message
+    with pytest.raises(TypeError, match="neither"):
+        sb.Camera(4, 4, near=1)
+    with pytest.raises(TypeError, match="'shadng'.*shading"):
+        sb.render(scene, shadng="phong")

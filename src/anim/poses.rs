@@ -22,7 +22,7 @@ impl Chain {
     ///
     /// # Errors
     /// There is no pose, or not one for each time; times do not rise; a value is out of its bounds; a matrix is
-    /// singular or has a shear or a perspective.
+    /// singular or has a shear or a perspective; some mirror and some do not.
     pub(crate) fn through(rate: f64, frames: &[f64], poses: &[DMat4]) -> Result<Self, Invalid> {
         limits::RATE.check("rate", rate)?;
         if frames.is_empty() || frames.len() != poses.len() {
@@ -43,6 +43,15 @@ impl Chain {
                 parts(pose).map_err(|(found, expected)| Invalid::new(&format!("poses[{i}]"), found, expected))
             })
             .collect::<Result<_, _>>()?;
+        // Between a pose that mirrors and one that does not, the node would be flat.
+        if let Some(i) = parts.iter().position(|pose| pose.mirrors() != parts[0].mirrors()) {
+            let (found, expected) = if parts[i].mirrors() {
+                ("a matrix that mirrors, where the first does not", "one that does not mirror")
+            } else {
+                ("a matrix that does not mirror, where the first does", "one that mirrors")
+            };
+            return Err(Invalid::new(&format!("poses[{i}]"), found, expected));
+        }
         let times: Vec<f64> = frames.iter().map(|frame| frame / rate).collect();
         let track = |property, value: &dyn Fn(&Parts) -> DVec4| {
             let values: Vec<DVec4> = parts.iter().map(value).collect();
@@ -66,6 +75,13 @@ impl Chain {
             period: times.last().map_or(0.0, |last| last.max(0.0)),
             joints: vec![Joint::Moving { scale, rotation, translation, tracks }],
         })
+    }
+}
+
+impl Parts {
+    /// Does it turn left hands into right ones?
+    fn mirrors(&self) -> bool {
+        self.scale.x * self.scale.y * self.scale.z < 0.0
     }
 }
 

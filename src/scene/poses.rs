@@ -32,7 +32,7 @@ impl AnimationBinding {
     ///
     /// # Errors
     /// There is no pose, or not one for each time; times do not rise; a number is out of its bounds; a matrix is
-    /// singular, not finite, or more than translation, rotation and scale.
+    /// singular, not finite, or more than translation, rotation and scale; some mirror and some do not.
     ///
     /// [`Object::animation`]: super::Object::animation
     /// [`Camera::animation`]: super::Camera::animation

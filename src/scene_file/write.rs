@@ -42,7 +42,9 @@ pub fn to_xml(scene: &Scene, relative_to: &Path) -> String {
     );
     out.shutter(&scene.shutter);
     out.camera(&scene.camera, relative_to);
-    scene.lights.iter().for_each(|light| out.light(light));
+    // A file without lights has those of the default.
+    let darkness = scene.lights.is_empty().then_some(Light::Ambient { colour: DVec3::ZERO });
+    scene.lights.iter().chain(&darkness).for_each(|light| out.light(light));
     if let Some(environment) = &scene.environment {
         let attributes = [
             ("intensity", number(environment.intensity)),

@@ -121,7 +121,8 @@ fn poses_that_are_none_are_refused() {
     let plane = DMat4::from_cols(one.x_axis, one.x_axis, one.z_axis, one.w_axis);
     let far = DMat4::from_translation(DVec3::X * f64::NAN);
     let perspective = DMat4::from_cols(one.x_axis, one.y_axis, one.z_axis - one.w_axis, one.w_axis);
-    let flaws: [PoseFlaw; 11] = [
+    let mirrored = DMat4::from_scale(DVec3::new(1.0, -1.0, 1.0));
+    let flaws: [PoseFlaw; 12] = [
         ("rate", 0.0, &[0.0], &[one]),
         ("poses", 24.0, &[], &[]),
         ("poses", 24.0, &[0.0, 1.0], &[one]),
@@ -130,6 +131,7 @@ fn poses_that_are_none_are_refused() {
         ("frames[1]", 24.0, &[1.0, 1.0], &[one; 2]),
         ("poses[1]", 24.0, &[0.0, 1.0], &[one, flat]),
         ("poses[0]", 24.0, &[0.0, 1.0], &[sheared, one]),
+        ("poses[2]", 24.0, &[0.0, 1.0, 2.0], &[mirrored, mirrored, one]),
         ("poses[0]", 24.0, &[0.0], &[plane]),
         ("poses[0]", 24.0, &[0.0], &[far]),
         ("poses[0]", 24.0, &[0.0], &[perspective]),

@@ -340,6 +340,18 @@ fn fields(scene: &Scene) -> String {
     format!("{scene:?}")
 }
 
+/// A file without lights has those of the default, so a scene without any is written with a black one.
+#[test]
+fn a_scene_without_lights_stays_dark() {
+    let dir = Dir::new("<scene><object><pointModel>m.ply</pointModel></object></scene>");
+    let mut scene = dir.load().unwrap().scene;
+    assert!(scene.lights.len() > 1, "the default");
+    scene.lights.clear();
+    dir.add("scene.xml", to_xml(&scene, dir.0.path()));
+    let again = dir.load().unwrap().scene;
+    assert_eq!(again.lights, [Light::Ambient { colour: DVec3::ZERO }]);
+}
+
 #[track_caller]
 fn comes_back(dir: &Dir) {
     all_come_back(std::slice::from_ref(dir));

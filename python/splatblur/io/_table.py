@@ -61,7 +61,8 @@ class Table:
         """Points of the table. Each column is a name in the file, or an array.
 
         Args:
-            colour_by: The column that decides colours; of several numbers a point its length does.
+            colour_by: The column that decides colours; of several numbers a point its length does. `"speed"` is the
+                length of the velocities, where the file has no column of that name.
             color_by: The same.
             map: The colour map, as in `splatblur.colour_map`.
             range: The values of its ends.
@@ -79,7 +80,8 @@ class Table:
         by = _arrays.one_of(colour_by, color_by, "colour_by", "color_by")
         own = self._column(_arrays.one_of(colours, colors, "colours", "colors"))
         if by is not None:
-            values = _arrays.real(self._column(by), "colour_by")
+            is_speed = isinstance(by, str) and by == "speed" and by not in self.names and velocities is not None
+            values = _arrays.real(self._column(velocities if is_speed else by), "colour_by")
             if values.ndim == 2:
                 values = np.linalg.norm(values, axis=1)
             own = colour_map(values, map, range)

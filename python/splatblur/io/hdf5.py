@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from os import PathLike, fspath
 from typing import Any
 
@@ -42,7 +43,8 @@ def read(
         try:
             return h5py.File(name, "r")
         except OSError as why:
-            raise refused(name, "no such file", f"an HDF5 file ({why})") from why
+            found = "no HDF5 file" if os.path.exists(name) else "no such file"
+            raise refused(name, found, f"an HDF5 file ({why})") from why
 
     def column(key: str) -> Any:
         with opened() as file:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from os import PathLike, fspath
 from typing import Any
 
@@ -10,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._camera import Camera, Shutter
-from .._errors import NoteWarning
-from .._objects import Gaussians, Model, Object, Points
+from .._objects import Gaussians, Model, Object, Points, tell
 from .._scene import Scene
 from ._views import refused
 
@@ -55,7 +53,8 @@ def load(
     try:
         stage = Usd.Stage.Open(name)
     except Tf.ErrorException as why:
-        raise refused(name, "no stage", f"a USD file ({str(why).splitlines()[0]})") from why
+        said = str(why).strip().splitlines() or ["it cannot be opened"]
+        raise refused(name, "no stage", f"a USD file ({said[0]})") from why
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     at = float(start if time is None else time)
     objects: list[Object] = []
@@ -68,8 +67,7 @@ def load(
         elif prim.IsA(UsdGeom.PointInstancer):
             objects += _instances(name, prim, at, linear)
         elif prim.IsA(UsdGeom.Mesh):
-            note = f"{name}: mesh {prim.GetPath()} is left out; write it to a model file, and load that"
-            warnings.warn(note, NoteWarning, stacklevel=2)
+            tell([f"{name}: mesh {prim.GetPath()} is left out; write it to a model file, and load that"])
         else:
             model = _model(prim, at, linear)
             if model is not None:

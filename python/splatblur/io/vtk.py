@@ -13,6 +13,9 @@ from ._table import Table
 from ._views import refused
 
 
+_ENDS = (".vtk", ".vtp", ".vtu", ".vts", ".vtr", ".vti", ".pvd")
+
+
 def times(path: str | PathLike[str]) -> list[float]:
     """The time steps of a `.pvd` file, in order."""
     return [time for time, _ in _series(fspath(path))]
@@ -67,7 +70,10 @@ def _data(name: str) -> Any:
     from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
     from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader
 
-    is_legacy = name.lower().endswith(".vtk")
+    end = os.path.splitext(name)[1].lower()
+    if end not in _ENDS:
+        raise refused(name, f"the extension {end!r}", f"one of {', '.join(_ENDS)}")
+    is_legacy = end == ".vtk"
     reader: Any = vtkGenericDataObjectReader() if is_legacy else vtkXMLGenericDataObjectReader()
     # Readers of VTK print what is wrong, and hand out what they could read; here it is an exception.
     shown, said = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
@@ -85,7 +91,8 @@ def _data(name: str) -> Any:
         vtkOutputWindow.SetInstance(shown)
     wrong = said.GetOutput().strip()
     if data is None or wrong:
-        raise refused(name, f"what its reader refuses ({wrong.splitlines()[-1:]})"[:300], "a file of VTK")
+        why = "; ".join(line.split("): ", 1)[-1] for line in wrong.splitlines() if "): " in line)
+        raise refused(name, f"what its reader refuses ({why or 'there is no data'})"[:300], f"a {end} file of VTK")
     return data
 
 
