@@ -142,7 +142,7 @@ fn broken_axes_become_discs() {
 #[test]
 fn axes_of_any_lengths_keep_their_directions() {
     let mut given = three();
-    let [u, v] = [Vec3::new(-1.3235606, -0.78038454, -1.5733603), Vec3::splat(1e-45)];
+    let [u, v] = [Vec3::new(-1.32, -0.78, -1.57), Vec3::splat(1e-45)];
     given.axes = vec![[u, v], [v, u], [1e17 * u, v]];
     let (surfels, _) = done(given);
     assert_sound(&surfels);
