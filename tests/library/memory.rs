@@ -91,14 +91,15 @@ fn poses_are_kept_and_interpolated() {
         let turn = DQuat::from_rotation_y(angle);
         DMat4::from_scale_rotation_translation(DVec3::new(scale, 1.0, 1.0), turn, DVec3::X * x)
     };
-    let poses = [pose(0.0, 1.0, 2.0), pose(1.0, 3.0, 4.0), pose(1.0, 3.0, -4.0)];
+    // All mirror.
+    let poses = [pose(0.0, 1.0, -2.0), pose(1.0, 3.0, -4.0), pose(1.0, 3.0, -4.5)];
     let motion = AnimationBinding::from_poses(25.0, &[-2.0, 5.0, 6.0], &poses).unwrap();
     let at = |frame: f64| motion.node.at(frame / 25.0, Interpolation::Linear).matrix;
     for (frame, pose) in [(-9.0, 0), (-2.0, 0), (5.0, 1), (6.0, 2), (99.0, 2)] {
         assert!(close(at(frame), poses[pose]), "{frame}: {}", at(frame));
     }
-    assert!(close(at(1.5), pose(0.5, 2.0, 3.0)), "{}", at(1.5));
-    assert!(close(at(-1.0), pose(1.0 / 7.0, 1.0 + 2.0 / 7.0, 2.0 + 2.0 / 7.0)), "{}", at(-1.0));
+    assert!(close(at(1.5), pose(0.5, 2.0, -3.0)), "{}", at(1.5));
+    assert!(close(at(-1.0), pose(1.0 / 7.0, 1.0 + 2.0 / 7.0, -2.0 - 2.0 / 7.0)), "{}", at(-1.0));
     // A rigid motion has no keys of scale, so that a camera needs no note of it.
     let rigid = [DMat4::from_rotation_z(0.3), DMat4::from_rotation_z(1.1)];
     assert!(!AnimationBinding::from_poses(25.0, &[0.0, 1.0], &rigid).unwrap().node.has_scale());
