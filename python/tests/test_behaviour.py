@@ -64,6 +64,7 @@ def test_ctrl_c_ends_it_within_half_a_second(what):
     script = textwrap.dedent(f"""
         import sys; sys.path.insert(0, {os.path.dirname(__file__)!r})
         import os, signal, threading, time
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # A shell's background jobs ignore it.
         import splatblur as sb
         from test_behaviour import heavy
         scene, renderer = heavy(), sb.Renderer("cpu")
@@ -251,6 +252,7 @@ def test_ctrl_c_ends_the_making_of_models(what, tmp_path):
         np.savetxt(tmp_path / "many.xyz", rows, fmt="%.4f")
     script = textwrap.dedent(f"""
         import numpy as np, os, signal, threading, time
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # A shell's background jobs ignore it.
         import splatblur as sb
         rows = np.random.default_rng(1).normal(size=(700_000, 3))
         pressed = []
