@@ -149,7 +149,7 @@ pub mod fields {
         AnimError, AnimLocation, CameraTrack, Chain, Drift, Interpolation, Intrinsics, NodeAnimation, NodeMotion,
         NodePose, NodeState, TrackFormat, TrackOptions,
     };
-    pub use crate::backend::{Achieved, Pixels, Waste};
+    pub use crate::backend::{Achieved, GpuCalls, Pixels, Waste};
     pub use crate::environment::NotLatLong;
     pub use crate::files::{Changed, Seen, Stamp};
     pub use crate::image::{Bits, Compression, Exr, Format, Precision};

@@ -18,7 +18,7 @@ use crate::stop::Stop;
 
 pub use self::error::BackendError;
 pub use self::meter::{Meter, Reading};
-pub use self::stats::{Achieved, Pixels, Rendered, Stats, Waste};
+pub use self::stats::{Achieved, GpuCalls, Pixels, Rendered, Stats, Waste};
 
 /// What executes plans. It knows the steps of a frame, and nothing about blur modes, scenes or files.
 pub trait Backend: Send {

@@ -49,8 +49,62 @@ pub struct Stats {
     /// Estimated error by colours and outlines that surfels leave out which take the place of finer ones
     /// ([`Detail`](crate::options::Detail)): root mean square of display values over the image.
     pub detail: f64,
+    /// Calls to the device that the frame took; `None` on the CPU.
+    pub gpu: Option<GpuCalls>,
     /// What bounds of splats waste, where it was counted: on the CPU, where someone asked for it.
     pub waste: Waste,
+}
+
+/// Calls to a GPU, which cost time beside the work of its passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct GpuCalls {
+    /// Submissions to its queue.
+    pub submissions: u64,
+    /// Times that the host waited for it.
+    pub waits: u64,
+    /// Buffers that were mapped into the host's memory.
+    pub maps: u64,
+    /// Dispatches. An indirect one counts twice, because another dispatch checks its numbers.
+    pub dispatches: u64,
+    /// Writes to its buffers.
+    pub writes: u64,
+    /// Bind groups that were made.
+    pub bind_groups: u64,
+    /// Bytes of all writes.
+    pub bytes_up: u64,
+    /// Bytes of the buffers that were mapped.
+    pub bytes_down: u64,
+}
+
+impl std::ops::AddAssign for GpuCalls {
+    fn add_assign(&mut self, other: Self) {
+        let Self { submissions, waits, maps, dispatches, writes, bind_groups, bytes_up, bytes_down } = other;
+        self.submissions += submissions;
+        self.waits += waits;
+        self.maps += maps;
+        self.dispatches += dispatches;
+        self.writes += writes;
+        self.bind_groups += bind_groups;
+        self.bytes_up += bytes_up;
+        self.bytes_down += bytes_down;
+    }
+}
+
+impl std::ops::Sub for GpuCalls {
+    type Output = Self;
+
+    fn sub(self, before: Self) -> Self {
+        Self {
+            submissions: self.submissions - before.submissions,
+            waits: self.waits - before.waits,
+            maps: self.maps - before.maps,
+            dispatches: self.dispatches - before.dispatches,
+            writes: self.writes - before.writes,
+            bind_groups: self.bind_groups - before.bind_groups,
+            bytes_up: self.bytes_up - before.bytes_up,
+            bytes_down: self.bytes_down - before.bytes_down,
+        }
+    }
 }
 
 /// The pixels that passes look at for each splat, and those that it covers. A splat that is tight in its bounds covers
@@ -153,6 +207,9 @@ impl Stats {
         self.attribute += other.attribute;
         self.composite += other.composite;
         self.resolve += other.resolve;
+        if let Some(calls) = other.gpu {
+            *self.gpu.get_or_insert_default() += calls;
+        }
         self.waste.visibility += other.waste.visibility;
         self.waste.attribute += other.waste.attribute;
         self.waste.composite += other.waste.composite;

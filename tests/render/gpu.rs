@@ -17,7 +17,7 @@ use splatblur::film::{Aov, Picture};
 use splatblur::image;
 use splatblur::math::srgb::from_linear;
 use splatblur::model::{ModelFormat, parse_capture};
-use splatblur::options::{BlurMode, Detail, Interleave, Look, PixelFilter, RenderOptions};
+use splatblur::options::{BlurMode, Detail, ErrorTarget, Interleave, Look, PixelFilter, Quality, RenderOptions};
 use splatblur::renderer::{FrameQueue, render_frame};
 use splatblur::scene::{Camera, ImageSettings, Object, Scene};
 
@@ -83,6 +83,36 @@ fn shipped_scenes_look_the_same() {
         eprintln!("{name}, {mode}: {differing} pixels differ by more than 1/255; worst {worst:.1e}");
         assert!(f64::from(differing) < 1e-3 * got.rgba.len() as f64, "{name}: {differing} pixels differ");
     }
+}
+
+/// What a frame costs beside the work of its passes. Bind groups stay where buffers do.
+#[test]
+fn calls_to_the_device_are_counted() {
+    let Some(mut gpu) = gpu_or_skip("calls_to_the_device_are_counted") else { return };
+    let scene = sphere_scene(300, 40, true);
+    let render = |backend: &mut dyn Backend, quality: Quality| {
+        let options = RenderOptions { quality, ..RenderOptions::default() };
+        render_frame(backend, &scene, 1, &options).unwrap().stats
+    };
+    let quality = Quality::from(BlurMode::supersample(2));
+    assert_eq!(render(&mut Cpu::default(), quality).gpu, None);
+    let [first, second, third] = [(); 3].map(|()| render(&mut gpu, quality).gpu.unwrap());
+    eprintln!("{first:?}, then {second:?}");
+    assert!(first.bind_groups > 20 && first.bytes_up > second.bytes_up, "pipelines and models are there later");
+    assert_eq!((second.bind_groups, second), (0, third));
+    // The film, and the marks of time where there are any.
+    assert!(second.waits == 1 && (1..=2).contains(&second.maps), "{second:?}");
+    assert!(second.bytes_down >= 4 * 4 * 40 * 40, "{second:?}");
+    // One at each of two instants, one before and one after them.
+    assert_eq!(second.submissions, 4);
+    // Passes of two instants: two rounds of a sort have four indirect dispatches, each with a hidden one.
+    assert!((20..100).contains(&second.dispatches) && (8..16).contains(&second.writes), "{second:?}");
+    // Mode auto waits for each of its renderings.
+    let target = Quality::Error(ErrorTarget { error: 0.02, ..ErrorTarget::default() });
+    let [auto, again] = [(); 2].map(|()| render(&mut gpu, target).gpu.unwrap());
+    eprintln!("auto {auto:?}, then {again:?}");
+    assert!(auto.waits > 1 && auto.waits == again.waits && auto.submissions > 2 * auto.waits, "{auto:?}");
+    assert!(again.bind_groups < auto.bind_groups, "{again:?}");
 }
 
 #[test]

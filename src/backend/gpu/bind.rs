@@ -1,9 +1,15 @@
 //! Binds the programs of a frame to their buffers and pipelines, once for each frame.
 
-use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize, ComputePass, ComputePipeline};
+use std::sync::Arc;
+
+use wgpu::{
+    BindGroup, BindGroupEntry, BindingResource, Buffer, BufferBinding, BufferSize, ComputePass, ComputePipeline,
+};
 
 use super::batches::segments;
+use super::bind_groups::{BindGroups, Bound};
 use super::buffers::Buffers;
+use super::calls::Calls;
 use super::captures;
 use super::constants::{
     paint_resolve_constants, slice_constants, swept_constants, swept_resolve_constants, value_constants,
@@ -26,11 +32,26 @@ pub(in crate::backend) struct BoundProgram {
     pipeline: ComputePipeline,
     uniforms: BindGroup,
     buffers: BindGroup,
+    calls: Arc<Calls>,
 }
 
 impl BoundProgram {
-    /// Sets everything for a dispatch. `offsets` are those of the view and, where the program has one, of the segment.
-    pub(in crate::backend) fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {
+    /// Records `groups` workgroups, in columns and rows. `offsets` are those of the view and, where the program has
+    /// one, of the segment.
+    pub(in crate::backend) fn dispatch(&self, pass: &mut ComputePass<'_>, offsets: &[u32], groups: [u32; 2]) {
+        self.calls.dispatch();
+        self.set(pass, offsets);
+        pass.dispatch_workgroups(groups[0], groups[1], 1);
+    }
+
+    /// Records as many workgroups as the first numbers of a buffer say.
+    pub(in crate::backend) fn dispatch_indirect(&self, pass: &mut ComputePass<'_>, offsets: &[u32], groups: &Buffer) {
+        self.calls.dispatch_indirect();
+        self.set(pass, offsets);
+        pass.dispatch_workgroups_indirect(groups, 0);
+    }
+
+    fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.uniforms, offsets);
         pass.set_bind_group(1, &self.buffers, &[]);
@@ -194,11 +215,12 @@ impl Gpu {
             }
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
-        let DeviceState { device, buffers, pipelines, .. } = &mut self.state;
+        let DeviceState { device, buffers, pipelines, groups, .. } = &mut self.state;
         buffers.fit_group(device, most[0], most[1], most[2])?;
         buffers.fit_environment(device, frame.surroundings.as_ref())?;
         marks.begin(device, passes * bands)?;
-        Binder { device, pipelines, buffers }.bind(prepared)
+        groups.begin();
+        Binder { device, pipelines, groups, buffers }.bind(prepared)
     }
 }
 
@@ -206,13 +228,13 @@ impl Gpu {
 pub(in crate::backend) struct Binder<'a> {
     pub device: &'a Device,
     pub pipelines: &'a mut Pipelines,
+    pub groups: &'a mut BindGroups,
     pub buffers: &'a Buffers,
 }
 
 impl Binder<'_> {
     /// The buffer of a name. The sort reads its buffers `from` and writes the others.
-    fn buffer(&self, slot: Slot, from: usize) -> &wgpu::Buffer {
-        let b = self.buffers;
+    fn buffer(b: &Buffers, slot: Slot, from: usize) -> &Buffer {
         match slot {
             Slot::Segments => &b.segments,
             Slot::Lights => &b.lights,
@@ -259,6 +281,17 @@ impl Binder<'_> {
         special: &[(Slot, BufferBinding<'_>)],
     ) -> Result<BoundProgram, BackendError> {
         let pipeline = self.pipelines.get(self.device, program, constants)?;
+        let (read, written) = program.buffers();
+        let all = self.buffers;
+        let buffers: Vec<(Slot, BufferBinding<'_>)> = read
+            .iter()
+            .chain(written)
+            .map(|&slot| {
+                let own = special.iter().find(|(special, _)| *special == slot).map(|(_, binding)| binding.clone());
+                (slot, own.unwrap_or_else(|| Self::buffer(all, slot, from).as_entire_buffer_binding()))
+            })
+            .collect();
+        let bound = Bound::new(program, [&self.buffers.views, &self.buffers.segments], &buffers);
         let layouts = self.pipelines.layouts(self.device, program).clone();
         let uniform = |buffer, strides: usize| {
             let size = BufferSize::new(strides as u64 * UNIFORM_STRIDE);
@@ -270,23 +303,17 @@ impl Binder<'_> {
             BindGroupEntry { binding: 1, resource: uniform(&self.buffers.segments, of_segment) },
         ];
         let uniforms = &uniforms[..if program.has_segment() { 2 } else { 1 }];
-        let (read, written) = program.buffers();
-        let entries: Vec<_> = read
-            .iter()
-            .chain(written)
-            .map(|&slot| {
-                let own = special.iter().find(|(special, _)| *special == slot).map(|(_, binding)| binding.clone());
-                let binding = own.unwrap_or_else(|| self.buffer(slot, from).as_entire_buffer_binding());
-                BindGroupEntry { binding: slot as u32, resource: BindingResource::Buffer(binding) }
-            })
-            .collect();
+        let mut entries = Vec::new();
+        for (slot, part) in &buffers {
+            entries.push(BindGroupEntry { binding: *slot as u32, resource: BindingResource::Buffer(part.clone()) });
+        }
         let bind = |layout, entries| {
             let descriptor = wgpu::BindGroupDescriptor { label: Some(program.entry()), layout, entries };
-            self.device.handle.create_bind_group(&descriptor)
+            self.device.bind(&descriptor)
         };
-        let uniforms = bind(&layouts.uniforms, uniforms);
-        let buffers = bind(&layouts.buffers, &entries);
-        Ok(BoundProgram { pipeline, uniforms, buffers })
+        let make = || [bind(&layouts.uniforms, uniforms), bind(&layouts.buffers, &entries)];
+        let [uniforms, buffers] = self.groups.of(bound, make);
+        Ok(BoundProgram { pipeline, uniforms, buffers, calls: Arc::clone(&self.device.calls) })
     }
 
     /// Binds `program` for each surfel buffer of each object.

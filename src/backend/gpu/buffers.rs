@@ -141,7 +141,7 @@ impl Buffers {
         if self.environment_of.as_ptr() != Arc::as_ptr(cube) {
             let bytes: &[u8] = bytemuck::cast_slice(cube.texels());
             grow(device, &mut self.environment, "the environment", bytes.len() as u64)?;
-            device.queue.write_buffer(&self.environment, 0, bytes);
+            device.write(&self.environment, 0, bytes);
             self.environment_of = Arc::downgrade(cube);
         }
         Ok(())

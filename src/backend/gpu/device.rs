@@ -3,8 +3,11 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, Instance, InstanceDescriptor, Limits};
+use wgpu::{
+    Adapter, AdapterInfo, Backends, CommandEncoder, DeviceType, Instance, InstanceDescriptor, Limits, SubmissionIndex,
+};
 
+use super::calls::Calls;
 use super::lanes::Lanes;
 use crate::backend::BackendError;
 
@@ -52,7 +55,8 @@ pub(in crate::backend) struct Device {
     /// What invocations of some passes work on.
     pub lanes: Lanes,
     pub handle: wgpu::Device,
-    pub queue: wgpu::Queue,
+    queue: wgpu::Queue,
+    pub calls: Arc<Calls>,
     /// The first error that no scope caught.
     failure: Arc<Mutex<Option<String>>>,
 }
@@ -159,7 +163,16 @@ impl Device {
             seen.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| error.to_string());
         }));
         let lanes = if info.device_type == DeviceType::Cpu { Lanes::Quads } else { Lanes::Pixels };
-        Ok(Self { adapter: info, limits, timestamps: !timestamps.is_empty(), lanes, handle, queue, failure })
+        Ok(Self {
+            adapter: info,
+            limits,
+            timestamps: !timestamps.is_empty(),
+            lanes,
+            handle,
+            queue,
+            calls: Arc::default(),
+            failure,
+        })
     }
 
     /// An error of this device.
@@ -203,9 +216,45 @@ impl Device {
         }
     }
 
+    /// Submits what was recorded, after all writes so far.
+    pub(in crate::backend) fn submit(&self, recorded: impl IntoIterator<Item = CommandEncoder>) -> SubmissionIndex {
+        self.calls.submit();
+        self.queue.submit(recorded.into_iter().map(CommandEncoder::finish))
+    }
+
+    /// Writes to a buffer, before what is submitted next.
+    pub(in crate::backend) fn write(&self, buffer: &wgpu::Buffer, at: u64, bytes: &[u8]) {
+        self.calls.write(bytes.len() as u64);
+        self.queue.write_buffer(buffer, at, bytes);
+    }
+
+    /// Makes a bind group.
+    pub(in crate::backend) fn bind(&self, descriptor: &wgpu::BindGroupDescriptor<'_>) -> wgpu::BindGroup {
+        self.calls.bind();
+        self.handle.create_bind_group(descriptor)
+    }
+
+    /// Asks for the content of a buffer, which is there after a wait.
+    pub(in crate::backend) fn map(&self, buffer: &wgpu::Buffer) {
+        self.calls.map(buffer.size());
+        buffer.map_async(wgpu::MapMode::Read, .., |_| ());
+    }
+
+    /// Nanoseconds of a tick of its clock.
+    pub(in crate::backend) fn tick(&self) -> f64 {
+        f64::from(self.queue.get_timestamp_period())
+    }
+
     /// Waits until everything that was submitted is done.
     pub(in crate::backend) fn wait(&self) -> Result<(), BackendError> {
-        self.handle.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| self.error(e.to_string()))?;
+        self.wait_for(None)
+    }
+
+    /// Waits until a submission is done; `None`: until all are.
+    pub(in crate::backend) fn wait_for(&self, submission_index: Option<SubmissionIndex>) -> Result<(), BackendError> {
+        self.calls.wait();
+        let wait = wgpu::PollType::Wait { submission_index, timeout: None };
+        self.handle.poll(wait).map_err(|e| self.error(e.to_string()))?;
         self.check()
     }
 }

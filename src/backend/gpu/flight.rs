@@ -1,6 +1,6 @@
 //! Submissions: what the host needs to develop the film of a frame once the device is done.
 
-use wgpu::{Buffer, BufferUsages, MapMode, PollType, SubmissionIndex};
+use wgpu::{Buffer, BufferUsages, SubmissionIndex};
 
 use super::Gpu;
 use super::buffers::grow;
@@ -10,7 +10,7 @@ use super::layout::Status;
 use super::memory::RasterFilm;
 use super::prepared::Prepared;
 use super::timestamps::Marks;
-use crate::backend::{BackendError, Rendered, Stats};
+use crate::backend::{BackendError, GpuCalls, Rendered, Stats};
 use crate::film::develop;
 use crate::frame::{Blocks, Frame};
 
@@ -27,6 +27,8 @@ pub(in crate::backend) struct Landing {
 pub(in crate::backend) struct Flight {
     landing: Landing,
     submission: SubmissionIndex,
+    /// Calls so far, of this try and of those before.
+    calls: GpuCalls,
     /// The frame that was submitted. It is submitted again if its lists outgrow their buffers.
     frame: Frame,
     rasters: Vec<RasterFilm>,
@@ -48,6 +50,7 @@ impl Landing {
 impl Gpu {
     /// Submits everything that a frame takes.
     pub(in crate::backend) fn depart(&mut self, frame: Frame) -> Result<Flight, BackendError> {
+        let before = self.state.device.calls.so_far();
         let prepared = self.prepare(&frame)?;
         let mut landing = match self.landings.pop() {
             Some(landing) => landing,
@@ -63,11 +66,13 @@ impl Gpu {
             encoder.copy_buffer_to_buffer(&buffers.film, 0, &landing.staging, 0, schedule.film_bytes);
         }
         encoder.copy_buffer_to_buffer(&buffers.status, 0, &landing.staging, schedule.film_bytes, status_bytes);
-        let submission = device.queue.submit([encoder.finish()]);
-        landing.staging.map_async(MapMode::Read, .., |_| ());
-        landing.marks.ask();
+        let submission = device.submit([encoder]);
+        device.map(&landing.staging);
+        landing.marks.ask(device);
         device.check()?;
+        let calls = device.calls.so_far() - before;
         Ok(Flight {
+            calls,
             landing,
             submission,
             rasters: schedule.rasters,
@@ -86,19 +91,23 @@ impl Gpu {
         loop {
             match self.try_land(flight)? {
                 Ok(rendered) => return Ok(rendered),
-                Err(frame) => flight = self.depart(frame)?,
+                Err((frame, calls)) => {
+                    flight = self.depart(frame)?;
+                    flight.calls += calls;
+                }
             }
         }
     }
 
-    /// Waits for a frame. Returns the frame itself if it must be submitted again.
-    fn try_land(&mut self, flight: Flight) -> Result<Result<Rendered, Frame>, BackendError> {
+    /// Waits for a frame. Returns the frame itself, and the calls so far, if it must be submitted again.
+    fn try_land(&mut self, flight: Flight) -> Result<Result<Rendered, (Frame, GpuCalls)>, BackendError> {
         let device = &self.state.device;
-        let wait = PollType::Wait { submission_index: Some(flight.submission.clone()), timeout: None };
-        device.handle.poll(wait).map_err(|e| device.error(e.to_string()))?;
-        device.check()?;
+        let before = device.calls.so_far();
+        device.wait_for(Some(flight.submission.clone()))?;
         let frame = flight.frame;
-        let mut stats = Stats::of(&frame);
+        let mut calls = flight.calls;
+        calls += device.calls.so_far() - before;
+        let mut stats = Stats { gpu: Some(calls), ..Stats::of(&frame) };
         let staging = &flight.landing.staging;
         let view = staging.get_mapped_range(..).map_err(|e| device.error(format!("cannot read the film: {e}")))?;
         let (film, rest) = view.split_at(flight.film_bytes as usize);
@@ -132,6 +141,6 @@ impl Gpu {
             let what = format!("lists of {wanted} entries do not fit into its buffers");
             return Err(self.state.device.error(what));
         }
-        Ok(picture.map(|picture| Rendered { picture, stats }).ok_or(frame))
+        Ok(picture.map(|picture| Rendered { picture, stats }).ok_or((frame, calls)))
     }
 }

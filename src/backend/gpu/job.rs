@@ -151,7 +151,7 @@ impl DeviceState {
     pub(in crate::backend) fn flush(&self, encoder: &mut CommandEncoder, marks: &mut Marks) {
         marks.collect(encoder);
         let done = std::mem::replace(encoder, self.encoder());
-        self.device.queue.submit([done.finish()]);
+        self.device.submit([done]);
     }
 
     /// Uploads the views, segments and lights of a group, which is cut into `batches`.
@@ -190,11 +190,11 @@ impl DeviceState {
         }
         let weights = group.samples.iter().map(|sample| Segment::weighing(sample.weight));
         let all: Vec<_> = weights.chain(segments(batches).copied()).collect();
-        let queue = &self.device.queue;
-        queue.write_buffer(&self.buffers.travels, 0, bytemuck::cast_slice(&travels));
-        queue.write_buffer(&self.buffers.views, 0, &views);
-        queue.write_buffer(&self.buffers.segments, 0, bytemuck::cast_slice(&all));
-        queue.write_buffer(&self.buffers.lights, 0, bytemuck::cast_slice(&lights(&group.samples)));
+        let device = &self.device;
+        device.write(&self.buffers.travels, 0, bytemuck::cast_slice(&travels));
+        device.write(&self.buffers.views, 0, &views);
+        device.write(&self.buffers.segments, 0, bytemuck::cast_slice(&all));
+        device.write(&self.buffers.lights, 0, bytemuck::cast_slice(&lights(&group.samples)));
     }
 
     /// Records one pass of one batch, whose view is `number`.
@@ -279,11 +279,9 @@ impl DeviceState {
     pub(in crate::backend) fn sort(&self, recorder: &mut ComputePass<'_>, rounds: &[Round], view: u32) {
         let totals = &self.buffers.totals;
         for round in rounds {
-            round.count.set(recorder, &[view]);
-            recorder.dispatch_workgroups_indirect(totals, 0);
+            round.count.dispatch_indirect(recorder, &[view], totals);
             dispatch(recorder, &round.scan, [1 << DIGIT_BITS, 1], view);
-            round.scatter.set(recorder, &[view]);
-            recorder.dispatch_workgroups_indirect(totals, 0);
+            round.scatter.dispatch_indirect(recorder, &[view], totals);
         }
     }
 }
@@ -306,8 +304,7 @@ pub(in crate::backend) fn dispatch(
     groups: [u32; 2],
     view: u32,
 ) {
-    program.set(recorder, &[view]);
-    recorder.dispatch_workgroups(groups[0], groups[1], 1);
+    program.dispatch(recorder, &[view], groups);
 }
 
 /// One dispatch for each segment of the batch whose splats are not at hand.
@@ -319,7 +316,6 @@ pub(in crate::backend) fn of_segments(
 ) {
     for (segment, object, buffer) in batch.unmade() {
         let offset = segment.index * UNIFORM_STRIDE as u32;
-        programs[*object][*buffer].set(recorder, &[view, offset]);
-        recorder.dispatch_workgroups(segment.surfels.div_ceil(256), 1, 1);
+        programs[*object][*buffer].dispatch(recorder, &[view, offset], [segment.surfels.div_ceil(256), 1]);
     }
 }

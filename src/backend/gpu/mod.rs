@@ -6,7 +6,9 @@
 
 pub(super) mod batches;
 pub(super) mod bind;
+mod bind_groups;
 mod buffers;
+mod calls;
 mod captures;
 mod constants;
 mod device;
@@ -31,6 +33,7 @@ pub(super) mod transparent;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use self::bind_groups::BindGroups;
 use self::buffers::Buffers;
 use self::device::Device;
 pub use self::device::{AdapterReport, Choice, adapters};
@@ -70,6 +73,7 @@ pub struct Gpu {
 pub(in crate::backend) struct DeviceState {
     pub(super) device: Device,
     pub(super) pipelines: Pipelines,
+    groups: BindGroups,
     models: Models,
     pub(super) buffers: Buffers,
 }
@@ -94,7 +98,7 @@ impl Gpu {
         Ok(Self {
             most_bytes: device.most_bytes(),
             clusters: ClusterStore::default(),
-            state: DeviceState { device, pipelines, models: Models::default(), buffers },
+            state: DeviceState { device, pipelines, groups: BindGroups::default(), models: Models::default(), buffers },
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: if software { SOFTWARE_SLOTS } else { u64::MAX },

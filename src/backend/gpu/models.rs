@@ -141,7 +141,7 @@ fn upload(device: &Device, model: &SurfelModel, normalised: bool) -> Result<Vec<
             looks: columns(device, "surfels", &looks)?,
         });
         // Uploads under way take memory too, so surfel buffers go one at a time.
-        device.queue.submit([]);
+        device.submit([]);
         device.wait()?;
     }
     Ok(buffers)
@@ -172,7 +172,7 @@ fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelB
             looks: columns(device, "captures", &looks)?,
         });
         // As for surfels.
-        device.queue.submit([]);
+        device.submit([]);
         device.wait()?;
     }
     Ok(buffers)
@@ -184,7 +184,7 @@ fn columns(device: &Device, label: &str, columns: &[&[u8]]) -> Result<Buffer, Ba
     let buffer = device.buffer(label, bytes as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
     let mut at = 0;
     for column in columns {
-        device.queue.write_buffer(&buffer, at, column);
+        device.write(&buffer, at, column);
         at += column.len() as u64;
     }
     Ok(buffer)

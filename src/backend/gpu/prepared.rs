@@ -76,7 +76,7 @@ impl Gpu {
         buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.gaussians))?;
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
-        device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
+        device.write(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
         let strips = frame.rasters.len() as u32 > frame.stride * frame.stride;
         let in_part = (frame.wanted.is_some() || strips) && frame.swept.is_none();
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };

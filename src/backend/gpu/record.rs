@@ -29,7 +29,7 @@ impl Gpu {
         let mut encoder = self.state.encoder();
         encoder.clear_buffer(&self.state.buffers.film, 0, None);
         encoder.clear_buffer(&self.state.buffers.status, 0, None);
-        self.state.device.queue.submit([encoder.finish()]);
+        self.state.device.submit([encoder]);
         let mut films = programs.film.iter();
         for (raster, of_raster) in frame.rasters.iter().enumerate() {
             for (band, film) in schedule.bands(raster).zip(&mut films) {
@@ -74,7 +74,7 @@ impl DeviceState {
                     TransparentStep::new(place, group, programs, surfels).run(self, marks);
                 }
                 Step::Sweep { group, ref interval, .. } => {
-                    self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
+                    self.device.write(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
                     let job = place.sweep_job(group, interval);
                     let SurfelPrograms::Sweep(programs) = &place.programs.surfels else { return Err(self.unbound()) };
                     self.run(&SweepStep { job, programs }, &SweepPass::ORDER, marks);
@@ -88,7 +88,7 @@ impl DeviceState {
                     self.run(&MapStep { job, programs }, &MapPass::ORDER, marks);
                 }
                 Step::Published { group, part: Published::Sweep { ref interval, .. } } => {
-                    self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
+                    self.device.write(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
                     let job = place.sweep_job(group, interval);
                     let SurfelPrograms::Published(_, programs) = &place.programs.surfels else {
                         return Err(self.unbound());
@@ -101,7 +101,7 @@ impl DeviceState {
                     let Some(program) = &place.film.finish else { return Err(self.unbound()) };
                     dispatch(&mut recorder, program, place.area().tiles, 0);
                     drop(recorder);
-                    self.device.queue.submit([encoder.finish()]);
+                    self.device.submit([encoder]);
                 }
             }
         }
@@ -121,7 +121,7 @@ impl DeviceState {
         if place.prepared.frame.blending.is_some() {
             let mut encoder = self.encoder();
             encoder.clear_buffer(&self.buffers.opaque, 0, None);
-            self.device.queue.submit([encoder.finish()]);
+            self.device.submit([encoder]);
         }
     }
 

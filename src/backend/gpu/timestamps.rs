@@ -56,7 +56,7 @@ impl Marks {
                 }),
                 resolved: device.buffer("marks", bytes, BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC)?,
                 marks: device.buffer("marks", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?,
-                period: f64::from(device.queue.get_timestamp_period()),
+                period: device.tick(),
             })
         } else {
             None
@@ -101,9 +101,9 @@ impl Marks {
     }
 
     /// Asks for the marks. Call it after the last submission of a frame.
-    pub(in crate::backend) fn ask(&self) {
+    pub(in crate::backend) fn ask(&self, device: &Device) {
         if let Some(clock) = &self.clock {
-            clock.marks.map_async(wgpu::MapMode::Read, .., |_| ());
+            device.map(&clock.marks);
         }
     }
 

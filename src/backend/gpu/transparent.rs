@@ -246,11 +246,11 @@ impl<'a> TransparentStep<'a> {
         }
         // Totals for the sort of depths; pass `bin` writes its own.
         let totals = [self.slots.div_ceil(WORKGROUP_ITEMS), 1, 1, self.slots];
-        let queue = &state.device.queue;
-        queue.write_buffer(&state.buffers.views, 0, &views);
-        queue.write_buffer(&state.buffers.segments, 0, &segments);
-        queue.write_buffer(&state.buffers.totals, 0, bytemuck::cast_slice(&totals));
-        queue.write_buffer(&state.buffers.lights, 0, bytemuck::cast_slice(&lights(&self.group.samples)));
+        let device = &state.device;
+        device.write(&state.buffers.views, 0, &views);
+        device.write(&state.buffers.segments, 0, &segments);
+        device.write(&state.buffers.totals, 0, bytemuck::cast_slice(&totals));
+        device.write(&state.buffers.lights, 0, bytemuck::cast_slice(&lights(&self.group.samples)));
         slabs
     }
 
@@ -260,8 +260,8 @@ impl<'a> TransparentStep<'a> {
         let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         for (number, run) in self.runs.iter().enumerate() {
             let segment = segment_at(set * self.runs.len() + number);
-            self.programs.project[run.object][run.buffer].set(&mut recorder, &[0, view_offset(segment)]);
-            recorder.dispatch_workgroups(run.count.div_ceil(256), 1, 1);
+            let program = &self.programs.project[run.object][run.buffer];
+            program.dispatch(&mut recorder, &[0, view_offset(segment)], [run.count.div_ceil(256), 1]);
         }
     }
 
@@ -307,9 +307,7 @@ impl<'a> TransparentStep<'a> {
         let timestamp_writes = marks.mark(Stage::Resolve);
         let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         if let Some(over) = &self.place.film.over {
-            over.set(&mut recorder, &[0, 0]);
-            let [columns, rows] = self.place.area().tiles;
-            recorder.dispatch_workgroups(columns, rows, 1);
+            over.dispatch(&mut recorder, &[0, 0], self.place.area().tiles);
         }
     }
 }
@@ -332,7 +330,7 @@ impl super::Gpu {
         step.upload(&self.state, 0, 0);
         let mut encoder = self.state.encoder();
         step.project(&mut encoder, 0, &mut marks);
-        self.state.device.queue.submit([encoder.finish()]);
+        self.state.device.submit([encoder]);
         self.state.device.check().unwrap();
         step.slots as usize
     }
@@ -346,8 +344,8 @@ impl super::Gpu {
 
     /// The sort of depths.
     pub(in crate::backend) fn rounds_of_depths(&mut self) -> Vec<super::bind::Round> {
-        let DeviceState { device, buffers, pipelines, .. } = &mut self.state;
-        let mut binder = Binder { device, pipelines, buffers };
+        let DeviceState { device, buffers, pipelines, groups, .. } = &mut self.state;
+        let mut binder = Binder { device, pipelines, groups, buffers };
         (0..ROUNDS).map(|round| binder.round(round, round % 2).unwrap()).collect()
     }
 }

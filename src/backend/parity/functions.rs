@@ -40,7 +40,7 @@ fn functions_are_as_exact_as_their_twins() {
     let device = &gpu.state.device;
     let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     let buffer = device.buffer("numbers", 16 * numbers.len() as u64, usage).unwrap();
-    device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&numbers));
+    device.write(&buffer, 0, bytemuck::cast_slice(&numbers));
     let module = device.handle.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(PROGRAM.into()),
@@ -65,7 +65,7 @@ fn functions_are_as_exact_as_their_twins() {
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(numbers.len().div_ceil(64) as u32, 1, 1);
     }
-    device.queue.submit([encoder.finish()]);
+    device.submit([encoder]);
     let got: Vec<[f32; 4]> = read(&gpu, &buffer, numbers.len());
     let mut worst = [0.0_f64; 4];
     for (number, got) in numbers.iter().zip(got) {

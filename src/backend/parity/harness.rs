@@ -164,7 +164,7 @@ impl<'a> Harness<'a> {
         for buffer in spoilt {
             encoder.clear_buffer(buffer, 0, None);
         }
-        self.gpu.state.device.queue.submit([encoder.finish()]);
+        self.gpu.state.device.submit([encoder]);
         if pass == Pass::Project {
             return;
         }
@@ -226,7 +226,7 @@ impl<'a> Harness<'a> {
         let mut marks = Marks::new(&self.gpu.state.device).unwrap();
         let mut encoder = self.gpu.state.encoder();
         DeviceState::record(&mut encoder, work, pass, &self.batch, 0, &mut marks);
-        self.gpu.state.device.queue.submit([encoder.finish()]);
+        self.gpu.state.device.submit([encoder]);
         self.gpu.state.device.check().unwrap();
     }
 
@@ -239,12 +239,12 @@ impl<'a> Harness<'a> {
         if bin {
             self.gpu.state.bin(&mut encoder, work, &self.batch, 0, &mut marks);
         }
-        self.gpu.state.device.queue.submit([encoder.finish()]);
+        self.gpu.state.device.submit([encoder]);
         self.gpu.state.device.check().unwrap();
     }
 
     pub(super) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
-        self.gpu.state.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
+        self.gpu.state.device.write(buffer, 0, bytemuck::cast_slice(values));
     }
 
     pub(super) fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Vec<T> {
@@ -277,7 +277,7 @@ pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Vec<T> {
     let copy = device.buffer("test", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST).unwrap();
     let mut encoder = gpu.state.encoder();
     encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
-    device.queue.submit([encoder.finish()]);
+    device.submit([encoder]);
     copy.map_async(MapMode::Read, .., |_| ());
     device.handle.poll(wgpu::PollType::wait_indefinitely()).unwrap();
     device.check().unwrap();

@@ -13,18 +13,18 @@ fn sorted(gpu: &mut Gpu, keys: &[u32]) -> Vec<u32> {
     gpu.make_room_to_sort(n as u64);
     let rounds = gpu.rounds_of_depths();
     let buffers = &gpu.state.buffers;
-    let queue = &gpu.state.device.queue;
+    let device = &gpu.state.device;
     let slots: Vec<u32> = (0..n as u32).collect();
     let totals = [(n as u32).div_ceil(WORKGROUP_ITEMS), 1, 1, n as u32];
-    queue.write_buffer(&buffers.keys[0], 0, bytemuck::cast_slice(keys));
-    queue.write_buffer(&buffers.lists[0], 0, bytemuck::cast_slice(&slots));
-    queue.write_buffer(&buffers.totals, 0, bytemuck::cast_slice(&totals));
+    device.write(&buffers.keys[0], 0, bytemuck::cast_slice(keys));
+    device.write(&buffers.lists[0], 0, bytemuck::cast_slice(&slots));
+    device.write(&buffers.totals, 0, bytemuck::cast_slice(&totals));
     let mut encoder = gpu.state.encoder();
     {
         let mut recorder = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         gpu.state.sort(&mut recorder, &rounds, 0);
     }
-    queue.submit([encoder.finish()]);
+    device.submit([encoder]);
     gpu.state.device.check().unwrap();
     read(gpu, &buffers.lists[0], n)
 }

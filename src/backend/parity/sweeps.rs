@@ -27,7 +27,7 @@ pub(super) fn spoil(harness: &Harness<'_>) {
     for buffer in spoilt.into_iter().chain([&buffers.coverage_mask, &buffers.film]) {
         encoder.clear_buffer(buffer, 0, None);
     }
-    harness.gpu.state.device.queue.submit([encoder.finish()]);
+    harness.gpu.state.device.submit([encoder]);
 }
 
 /// The splats of an object. An interval has one sample.

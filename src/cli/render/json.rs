@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use splatblur::FrameNumber;
-use splatblur::backend::{Achieved, Pixels, Waste};
+use splatblur::backend::{Achieved, GpuCalls, Pixels, Waste};
 use splatblur::renderer::Stats;
 use splatblur::study::provenance::Settings;
 
@@ -53,6 +53,9 @@ pub(super) struct FrameReport<'a> {
     /// On a GPU, as far as it measures them.
     #[serde(skip_serializing_if = "Option::is_none")]
     device_seconds: Option<PassSeconds>,
+    /// Calls to a GPU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gpu: Option<GpuCalls>,
     /// On the CPU: pixels that passes looked at in vain.
     #[serde(skip_serializing_if = "Option::is_none")]
     waste: Option<PassWaste>,
@@ -130,6 +133,7 @@ impl<'a> FrameReport<'a> {
             auto: stats.achieved,
             cpu_seconds,
             device_seconds,
+            gpu: stats.gpu,
             waste,
         }
     }

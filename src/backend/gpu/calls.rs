@@ -1,0 +1,71 @@
+//! Counts the calls to the device. All calls that cost time go through [`Device`](super::device::Device), or through
+//! [`BoundProgram`](super::bind::BoundProgram), and both count here.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::backend::GpuCalls;
+
+/// A counter that all parts of a device share.
+#[derive(Debug, Default)]
+pub(in crate::backend) struct Calls {
+    submissions: AtomicU64,
+    waits: AtomicU64,
+    maps: AtomicU64,
+    dispatches: AtomicU64,
+    writes: AtomicU64,
+    bind_groups: AtomicU64,
+    bytes_up: AtomicU64,
+    bytes_down: AtomicU64,
+}
+
+fn add(counter: &AtomicU64, count: u64) {
+    counter.fetch_add(count, Ordering::Relaxed);
+}
+
+impl Calls {
+    pub(super) fn submit(&self) {
+        add(&self.submissions, 1);
+    }
+
+    pub(super) fn wait(&self) {
+        add(&self.waits, 1);
+    }
+
+    pub(super) fn map(&self, bytes: u64) {
+        add(&self.maps, 1);
+        add(&self.bytes_down, bytes);
+    }
+
+    pub(super) fn dispatch(&self) {
+        add(&self.dispatches, 1);
+    }
+
+    /// wgpu checks the numbers of an indirect dispatch by a dispatch of its own.
+    pub(super) fn dispatch_indirect(&self) {
+        add(&self.dispatches, 2);
+    }
+
+    pub(super) fn write(&self, bytes: u64) {
+        add(&self.writes, 1);
+        add(&self.bytes_up, bytes);
+    }
+
+    pub(super) fn bind(&self) {
+        add(&self.bind_groups, 1);
+    }
+
+    /// All calls so far.
+    pub(super) fn so_far(&self) -> GpuCalls {
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        GpuCalls {
+            submissions: read(&self.submissions),
+            waits: read(&self.waits),
+            maps: read(&self.maps),
+            dispatches: read(&self.dispatches),
+            writes: read(&self.writes),
+            bind_groups: read(&self.bind_groups),
+            bytes_up: read(&self.bytes_up),
+            bytes_down: read(&self.bytes_down),
+        }
+    }
+}
