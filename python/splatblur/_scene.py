@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import errno
 import itertools
 import math
@@ -161,7 +162,7 @@ class Scene(Fixed):
             names[number] = next(name for name in free if name not in given)
             given.add(names[number])
         if len(given) < len(names):
-            twice = next(name for number, name in enumerate(names) if name in names[:number])
+            twice = collections.Counter(names).most_common(1)[0][0]
             raise invalid("objects", f"two that are named {twice!r}", "a name of its own for each")
         return names
 

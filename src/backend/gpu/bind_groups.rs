@@ -43,6 +43,11 @@ impl BindGroups {
         self.made.retain(|_, (_, asked)| *asked + KEPT >= round);
     }
 
+    /// Lets go of all, and of their buffers.
+    pub(super) fn forget(&mut self) {
+        self.made.clear();
+    }
+
     /// The bind groups of what is bound, which `make` makes if they are not there.
     pub(super) fn of(&mut self, bound: Bound, make: impl FnOnce() -> Pair) -> Pair {
         let (pair, asked) = self.made.entry(bound).or_insert_with(|| (make(), 0));

@@ -55,11 +55,13 @@ pub(in crate::backend) struct ModelBuffer {
 }
 
 impl Models {
-    /// Frees the buffers of models that nobody holds any more.
-    pub(in crate::backend) fn free(&mut self) {
+    /// Lets go of the buffers of models that nobody holds any more. True if there were some.
+    pub(in crate::backend) fn free(&mut self) -> bool {
+        let before = self.models.len() + self.captures.len();
         let holds_paths = |model: &Model| model.own_paths.as_ref().is_none_or(|own| own.strong_count() > 0);
         self.models.retain(|model| holds_paths(model) && model.surfels.strong_count() > 0);
         self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
+        self.models.len() + self.captures.len() < before
     }
 
     /// The buffers of surfels and their paths, with the normalisation of kernels if `normalised`. They are uploaded if

@@ -44,7 +44,7 @@ impl Gpu {
         let limits = Limits { bytes: self.most_bytes, slots };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
-        let DeviceState { device, models, buffers, .. } = &mut self.state;
+        let DeviceState { device, models, groups, buffers, .. } = &mut self.state;
         let bytes = schedule.gaussians * size_of::<DeviceGaussian>() as u64;
         if bytes > self.most_bytes {
             return Err(device.error(format!(
@@ -53,7 +53,10 @@ impl Gpu {
                 schedule.gaussians, self.most_bytes
             )));
         }
-        models.free();
+        if models.free() {
+            // They would hold the memory of models until they are old.
+            groups.forget();
+        }
         let filters_all = frame.normalises();
         let filters = |model: &SurfelModel| {
             let see_through =
