@@ -2,8 +2,9 @@
 // Twin: src/backend/cpu/bin.rs, whose lists are per chunk; the order is the same.
 //   in   touched   number of wanted tiles of each slot's splat; WIDE for splats that are listed separately
 //        splats    bounds of the splats
-//   out  list      slots, tile after tile, rising within each tile
-//        starts    start of each tile's list, then the end of the last list, then the number of wide splats
+//   out  list      slots, tile after tile, rising within each tile; the tiles of all views of the round
+//        starts    start of each tile's list, then the end of the last list; then for each view the place of its first
+//                  wide splat, and the number of all
 //        wide      slots of splats that touch more than WIDEST tiles, rising
 // The pass counts, scans, emits (tile, slot) pairs in slot order, and then sorts them by tile. The sort is a radix
 // sort, which keeps the order of equal keys. Scans are reduce-then-scan over several dispatches; no workgroup ever
@@ -34,7 +35,7 @@ struct Totals {
     wide: u32,
 }
 
-// Dispatches write this one after the other, one invocation each. The host reads it after the frame.
+// Dispatches write this one after the other. The host reads it after the frame.
 struct Status {
     // Greatest number of entries that a batch needed.
     most_entries: u32,
@@ -44,6 +45,37 @@ struct Status {
     // Pixels with more layers than are peeled, as `peel_left_out` counts them, 64 bits.
     left_out_low: u32,
     left_out_high: u32,
+    // Entries of the longest list of all.
+    longest: u32,
+    // Sum over passes of the longest list that they walked over, 64 bits; number of those passes, and the sum of the
+    // shares of a large machine that the tiles with entries kept busy.
+    chain_low: u32,
+    chain_high: u32,
+    walks: u32,
+    filled: f32,
+    // The same of the lists that were made last, which are not in these sums yet.
+    last_walks: u32,
+    last_longest: atomic<u32>,
+    last_tiles: atomic<u32>,
+}
+
+// Invocations that keep the machine busy.
+const LARGE_GPU: f32 = 270336.0;
+
+// Takes note of the lists that were made last.
+fn count_walks() {
+    let longest = atomicLoad(&status.last_longest);
+    let chain = status.last_walks * longest;
+    let low = status.chain_low + chain;
+    status.chain_high += select(0u, 1u, low < chain);
+    status.chain_low = low;
+    status.longest = max(status.longest, longest);
+    status.walks += status.last_walks;
+    let share = min(f32(atomicLoad(&status.last_tiles)) * f32(TILE_PIXELS) / LARGE_GPU, 1.0);
+    status.filled += f32(status.last_walks) * share;
+    status.last_walks = view.walks;
+    atomicStore(&status.last_longest, 0u);
+    atomicStore(&status.last_tiles, 0u);
 }
 
 // Slots, or entries of lists, of one workgroup.
@@ -65,18 +97,29 @@ fn entries_of(count: u32) -> vec2<u32> {
     return select(vec2<u32>(count, 0u), vec2<u32>(0u, 1u), count == WIDE);
 }
 
+// Loads the view of a slot.
+fn load_view_of(slot: u32) {
+    var low = 0u;
+    var high = views[0].views;
+    while low + 1u < high {
+        let middle = (low + high) / 2u;
+        if views[middle].first_slot <= slot { low = middle; } else { high = middle; }
+    }
+    view = views[low];
+}
+
 var<workgroup> seen: atomic<u32>;
 
 @compute @workgroup_size(256)
 fn bin_reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    view = views[0];
     var sum = vec2<u32>(0u);
     var visible = 0u;
-    let kept = select(0u, view.slots_at_rest, (view.flags & KEEPS_SPLATS) != 0u);
     for (var i = 0u; i < 4u; i += 1u) {
         let slot = group.x * WORKGROUP_ITEMS + i * 256u + lane;
         let count = touched_at(slot);
         sum += entries_of(count);
-        visible += select(0u, 1u, count != 0u && slot >= kept);
+        visible += select(0u, 1u, count != 0u);
     }
     atomicAdd(&seen, visible);
     let result = scan(sum, lane);
@@ -89,6 +132,7 @@ fn bin_reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
 
 @compute @workgroup_size(256)
 fn bin_scan(@builtin(local_invocation_index) lane: u32) {
+    view = views[0];
     let workgroups = (view.slots + WORKGROUP_ITEMS - 1u) / WORKGROUP_ITEMS;
     var before = vec2<u32>(0u);
     var visible = 0u;
@@ -107,6 +151,7 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
     }
     let splats_seen = scan(vec2<u32>(visible, 0u), lane).total.x;
     if lane == 0u {
+        count_walks();
         // A list that does not fit stays empty. The host then enlarges the buffer and repeats the frame.
         let fits = before.x <= view.entry_capacity;
         written_totals.entries = select(0u, before.x, fits);
@@ -121,6 +166,7 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
 
 @compute @workgroup_size(256)
 fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    view = views[0];
     // Each invocation has four consecutive slots.
     let first = group.x * WORKGROUP_ITEMS + lane * 4u;
     var sum = vec2<u32>(0u);
@@ -135,11 +181,12 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             wide[at.y] = slot;
             at.y += 1u;
         } else if count > 0u && totals.entries > 0u {
+            load_view_of(slot);
             let tiles = unpack(splats[SPLATS * slot + PART].bounds) / TILE;
             for (var y = tiles.z; y <= tiles.w; y += 1u) {
                 for (var x = tiles.x; x <= tiles.y; x += 1u) {
                     if !is_wanted(vec2<u32>(x, y)) { continue; }
-                    keys[at.x] = (y - view.first_tile_row) * view.tiles.x + x;
+                    keys[at.x] = tile_of(vec2<u32>(x, y - view.first_tile_row));
                     list[at.x] = slot;
                     at.x += 1u;
                 }
@@ -228,24 +275,53 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
 }
 
-// First entry of each tile, by bisection. After the last tile come the end of the list and the number of wide splats.
+// First entry of each tile, by bisection. After the last tile come the end of the list and the first wide splats of
+// views.
 @compute @workgroup_size(256)
 fn bin_starts(@builtin(global_invocation_id) id: vec3<u32>) {
-    let tiles = view.tiles.x * view.tiles.y;
-    if id.x > tiles + 1u { return; }
-    if id.x == tiles + 1u {
+    let tiles = views[0].round_tiles;
+    if id.x > tiles {
+        let number = id.x - tiles - 1u;
+        if number > views[0].views { return; }
         starts[id.x] = totals.wide;
+        if number < views[0].views { starts[id.x] = wide_before(views[number].first_slot); }
         return;
     }
-    var low = 0u;
+    let first = entries_before(id.x, 0u);
+    starts[id.x] = first;
+    if id.x == tiles { return; }
+    // Wide splats are in the lists of all tiles of their view; here they count as if there were one view.
+    let own = entries_before(id.x + 1u, first) - first;
+    atomicMax(&status.last_longest, own + totals.wide);
+    if own > 0u { atomicAdd(&status.last_tiles, 1u); }
+}
+
+// Number of entries of tiles before `tile`, at least `least`.
+fn entries_before(tile: u32, least: u32) -> u32 {
+    var low = least;
     var high = totals.entries;
     while low < high {
         let middle = low + (high - low) / 2u;
-        if sorted_keys[middle] < id.x {
+        if sorted_keys[middle] < tile {
             low = middle + 1u;
         } else {
             high = middle;
         }
     }
-    starts[id.x] = low;
+    return low;
+}
+
+// Number of wide splats in the slots before `slot`.
+fn wide_before(slot: u32) -> u32 {
+    var low = 0u;
+    var high = totals.wide;
+    while low < high {
+        let middle = low + (high - low) / 2u;
+        if wide[middle] < slot {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
 }

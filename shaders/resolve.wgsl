@@ -20,7 +20,7 @@ struct Share {
     has_neighbours: bool,
 }
 
-// Adds one pixel of tile `index` to the film. `sum_at`: its sum of weights, which must be > 0; other channels follow.
+// Adds one pixel to tile `index` of the film. `sum_at`: its sum of weights, which must be > 0; other channels follow.
 fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: Share) {
     let in_tile = pixel.y * TILE + pixel.x;
     let inverse = 1.0 / sums[sum_at];

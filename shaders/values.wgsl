@@ -1,20 +1,18 @@
 // The first program of passes `attribute`: the values of the splats that `project` made.
 // Twin: src/backend/cpu/values.rs.  Math: docs/math.md, section 5.
-//   in   segment, travels, geometry, looks, lights, environment
+//   in   segments, geometry, looks, lights, environment
 //        splats    in which their flags are
 //        touched
 //   out  values    for each slot: colour, then normal, velocity, material, reflection, opacity and tolerance where
 //                  wanted
 // One invocation per surfel of a segment.
 
-@group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(1) var<storage, read> looks: array<f32>;
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(4) var<storage, read> splats: array<Splat>;
 @group(1) @binding(5) var<storage, read> touched: array<u32>;
 @group(1) @binding(19) var<storage, read_write> values: array<f32>;
-@group(1) @binding(23) var<storage, read> travels: array<Travel>;
 
 override GOURAUD: bool = false;
 // Size of a slot's content in splats, and the part of it that has the flags.
@@ -22,11 +20,13 @@ override SPLATS: u32 = 1u;
 override PART: u32 = 0u;
 
 @compute @workgroup_size(256)
-fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= segment.surfels { return; }
-    let slot = segment.first_slot + id.x;
+fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = surfel_of(group.x, lane);
+    if index >= segment.surfels { return; }
+    view = views[segment.view];
+    let slot = segment.first_slot + index;
     if touched[slot] == 0u { return; }
-    let surfel = segment.first_surfel + id.x;
+    let surfel = segment.first_surfel + index;
     let at = 3u * surfel;
     let column = 3u * segment.buffer_surfels;
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
@@ -36,7 +36,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         // When the row is read out on which the centre lands.
         let half = abs(view.strip);
         let time = clamp((select(place.x, place.y, view.strip > 0.0) - half) / half, -1.0, 1.0);
-        turned_normal += time * apply_linear(travels[segment.index].turn, normal);
+        turned_normal += time * apply_linear(segment.turn, normal);
     }
     normal = unit(turned_normal);
     if (splats[SPLATS * slot + PART].flags & FLAG_BACK) != 0u {
@@ -72,7 +72,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     if VELOCITY != 0u {
         // The derivative of (x, y) = (X, Y) / depth, in pixels of the image. It is 0 where the centre has no image.
         let p = apply(segment.screen, position);
-        let own = apply_linear(segment.screen, own_velocity(at) * travels[segment.index].pace);
+        let own = apply_linear(segment.screen, own_velocity(at) * segment.pace);
         let rate = apply(segment.rate, position) + own;
         var velocity = vec2<f32>(0.0);
         if p.z >= view.near {

@@ -37,11 +37,19 @@ fn in_panels(lane: u32, before: u32, in_row: u32) -> vec2<u32> {
 
 // Number of entries of a walk.
 fn entries_of(walk: Walk) -> u32 {
-    return walk.end - walk.next + walk.end_wide - walk.next_wide;
+    return walk.end - walk.next + walk.end_wide - walk.next_wide + walk.later_end - walk.later + walk.later_end_wide
+        - walk.later_wide;
 }
 
 // Entry `i` of a walk.
 fn entry_of(walk: Walk, i: u32) -> u32 {
+    let first = walk.end - walk.next + walk.end_wide - walk.next_wide;
+    if i < first { return entry_of_part(walk, i); }
+    return entry_of_part(later_of(walk), i - first);
+}
+
+// Entry `i` of the lists that come first.
+fn entry_of_part(walk: Walk, i: u32) -> u32 {
     if walk.end_wide == walk.next_wide { return list[walk.next + i]; }
     // Entry i is the one before which i others are: some of the tile's own, the rest of them wide.
     let own = walk.end - walk.next;

@@ -56,7 +56,7 @@ fn depths_of(index: u32) -> u32 {
 
 // First quad of the nearest depths of tile `index`.
 fn nearest_of(index: u32) -> u32 {
-    return view.tiles.x * view.tiles.y * depth_quads() + index * TILE_QUADS;
+    return view.round_tiles * depth_quads() + index * TILE_QUADS;
 }
 
 // Places of the first quads of the planes of the tile alone, counted from the tile's first quad.

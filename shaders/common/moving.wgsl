@@ -1,16 +1,14 @@
 // What the passes `project` of kernels in motion share: an invocation's kernel, posed, projected and bounded.
 // Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md, section 7.
-//   in   segment   the surfels and their pose at mid-interval
-//        travels   the pose of the surfels' centres over the interval, and their motion
+//   in   segments  the surfels and their pose at mid-interval; the pose of their centres over the interval, and their
+//                  motion
 //        geometry  columns of the surfel buffer: positions, axes u, axes v
 //   out  splats    one for each slot; unwritten where culled
 //        touched   number of tiles that the kernel touches; 0 if culled; WIDE if more than WIDEST
 
-@group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(4) var<storage, read_write> splats: array<SweptSplat>;
 @group(1) @binding(5) var<storage, read_write> touched: array<u32>;
-@group(1) @binding(23) var<storage, read> travels: array<Travel>;
 
 // If true, the kernel is the ellipsoid instead of the tube.
 override ELLIPSOID: bool = false;
@@ -37,9 +35,9 @@ fn moving(id: u32) -> Moving {
     let at = 3u * (segment.first_surfel + id);
     let column = 3u * segment.buffer_surfels;
     let position = placed(at);
-    let centre = apply(travels[segment.index].centre, position);
-    let advance = rates(at, travels[segment.index].advance);
-    let motion = apply(travels[segment.index].motion, position) + apply_linear(travels[segment.index].centre, advance);
+    let centre = apply(segment.centre, position);
+    let advance = rates(at, segment.advance);
+    let motion = apply(segment.motion, position) + apply_linear(segment.centre, advance);
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
     let at_v = at_u + column;

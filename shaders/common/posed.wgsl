@@ -1,9 +1,7 @@
 // A surfel on the screen: posed, projected, bounded and culled.
 // Twin: project_lane and push_crossing of src/backend/cpu/project.rs.  Math: docs/math.md, section 2.
 
-@group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
-@group(1) @binding(23) var<storage, read> travels: array<Travel>;
 
 const CULLED: u32 = 0u;
 const ORDINARY: u32 = 1u;
@@ -31,7 +29,7 @@ fn posed(index: u32, margin: f32) -> Posed {
     let at = 3u * (segment.first_surfel + index);
     let column = 3u * segment.buffer_surfels;
     let position = placed(at);
-    var c = apply(travels[segment.index].centre, position);
+    var c = apply(segment.centre, position);
     let at_u = at + column;
     let axis_u = vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]);
     var u = apply_linear(segment.screen, axis_u);
@@ -40,13 +38,13 @@ fn posed(index: u32, margin: f32) -> Posed {
     var v = apply_linear(segment.screen, axis_v);
     var lands = NO_LANDING;
     if reads_out() {
-        let advance = rates(at, travels[segment.index].advance);
+        let advance = rates(at, segment.advance);
         let motion =
-            apply(travels[segment.index].motion, position) + apply_linear(travels[segment.index].centre, advance);
+            apply(segment.motion, position) + apply_linear(segment.centre, advance);
         lands = landing(c, motion);
         c += lands.time * motion;
-        u += lands.time * apply_linear(travels[segment.index].motion, axis_u);
-        v += lands.time * apply_linear(travels[segment.index].motion, axis_v);
+        u += lands.time * apply_linear(segment.motion, axis_u);
+        v += lands.time * apply_linear(segment.motion, axis_v);
     }
     if !(all_finite(c) && all_finite(u) && all_finite(v)) { return out; }
 

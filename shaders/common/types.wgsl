@@ -1,5 +1,5 @@
 // Structs and constants that programs share.
-// Twins: src/layout.rs (Splat), src/backend/gpu/layout.rs (View, Segment, Travel, Light); a test compares the layouts.
+// Twins: src/layout.rs (Splat), src/backend/gpu/layout.rs (View, Segment, Light); a test compares the layouts.
 
 // Edge of a tile, pixels. One invocation works on a quad: four neighbouring pixels of a row.
 const TILE: u32 = 16u;
@@ -28,7 +28,8 @@ struct Splat {
     flags: u32,
 }
 
-// The work of a dispatch: one group, one band of the image, one batch of surfels.
+// The work of a dispatch: one group, one band of the image, one batch of surfels. A round is of several groups, each of
+// which has a view.
 struct View {
     axis: vec2<f32>,
     offset: vec2<f32>,
@@ -37,6 +38,7 @@ struct View {
     // Number of tiles in a row of the band, and of rows of tiles.
     tiles: vec2<u32>,
     first_tile_row: u32,
+    // Slots of the batch; those of all views of a round.
     slots: u32,
     near: f32,
     most_inverse_depth: f32,
@@ -68,15 +70,16 @@ struct View {
     map_tiles: vec2<u32>,
     // Standard deviation of the low-pass filter of full EWA, 0 without it.
     sigma: f32,
-    unused: f32,
+    // Tiles of all views of the round.
+    round_tiles: u32,
     // For step `Composite`: place of the first slot in the order of depth; the factor that turns sums over the group
     // into means.
     first_place: u32,
     opaque_scale: f32,
     // Bits as below.
     flags: u32,
-    // Slots of what is at rest: the first ones of the batch.
-    slots_at_rest: u32,
+    // Number of the view of what is at rest, whose splats are in its lists, too; its own number where it has none.
+    rest: u32,
     // Cosine and sine of the environment's rotation, factor on its radiance, and the reflection coefficient of all
     // objects where they have the same.
     environment: vec4<f32>,
@@ -86,6 +89,20 @@ struct View {
     // read out; 0 where all pixels are exposed at once. First pixel of the strip in the raster.
     strip: f32,
     first: vec2<u32>,
+    // Number of views of the round, and of this one among them. Its first tile and first slot among those of the round.
+    views: u32,
+    number: u32,
+    first_tile: u32,
+    first_slot: u32,
+    // Views of the round that add to the same part of the film, from this one on; 0 where one before it does. First
+    // tile of that part.
+    same_film: u32,
+    film_tile: u32,
+    // The first segment of the group, and its first moment.
+    first_segment: u32,
+    first_moment: u32,
+    // Passes that walk over the lists of the round.
+    walks: u32,
 }
 
 // Bits of `View.flags`. Thresholds hold opaque surfels; there are layers of see-through surfels; the slab of depth is
@@ -93,18 +110,12 @@ struct View {
 const OPAQUE_SURFELS: u32 = 1u;
 const SEE_THROUGH_SURFELS: u32 = 2u;
 const LAST_SLAB: u32 = 4u;
-// The groups of the position share what is at rest (paint/rest.wgsl). The group is the first of them; all of it is in
-// one batch; the splats of what is at rest are those of the group before.
-const SHARES_REST: u32 = 8u;
-const FIRST_OF_POSITION: u32 = 16u;
-const ONE_BATCH: u32 = 32u;
-const KEEPS_SPLATS: u32 = 64u;
+// The view is of what is at rest for several groups, and adds nothing to the film by itself. Tiles into which nothing
+// of the view's own moves are those of the view at rest.
+const IS_REST: u32 = 8u;
+const SHARES_TILES: u32 = 16u;
 
-// Bits of what is known of a tile at rest. Its film was made for a group before this one; nothing moves into it.
-const KNOWN: u32 = 1u;
-const RESTS: u32 = 2u;
-
-// Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
+// Some surfels of one surfel buffer, posed at one time sample. The segments of a group begin with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
 // have no origin: they end with the object's factor on opacities, its reflection coefficient, and 0.
 struct Segment {
@@ -130,11 +141,8 @@ struct Segment {
     // Bit 0: two-sided. Bit 1: each surfel has a material. Bit 2: each has an opacity. Above: its turn, 0 for static
     // objects, else 1 + the sample in its group.
     flags: u32,
-}
-
-// Transform of a segment's centres to screen space, and their motion. Over an interval these are the mean place by
-// Simpson's rule, and half the difference of the ends (docs/math.md, section 7).
-struct Travel {
+    // Transform of the centres to screen space, and their motion. Over an interval these are the mean place by
+    // Simpson's rule, and half the difference of the ends (docs/math.md, section 7).
     centre: array<vec4<f32>, 3>,
     motion: array<vec4<f32>, 3>,
     // Factors on the columns of the surfels' paths: what the centres travelled by themselves, and what they move.
@@ -146,6 +154,8 @@ struct Travel {
     pace: f32,
     // Columns of floats in `geometry` before the normalisation: 9, and 3 for each column of the paths.
     columns: u32,
+    // Number of its view.
+    view: u32,
 }
 
 // `vector` points towards a directional light, or is a point light's position relative to the eye. Its w tells the
@@ -156,8 +166,6 @@ struct Light {
 }
 const AMBIENT: f32 = 0.0;
 const DIRECTIONAL: f32 = 1.0;
-
-@group(0) @binding(0) var<uniform> view: View;
 
 fn apply(m: array<vec4<f32>, 3>, p: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(

@@ -42,7 +42,7 @@ struct Sites {
 
 // The pixels of tile `tile` from `at` on, the first column and the row in it.
 fn pixels_of(tile: vec2<u32>, at: vec2<u32>) -> Pixels {
-    let index = tile.y * view.tiles.x + tile.x;
+    let index = tile_of(tile);
     let depths_at = depths_of(index);
     let quad = vec2<u32>(at.x / 4u, at.y);
     let in_tile = quad.y * 4u + quad.x;

@@ -5,13 +5,16 @@ var<workgroup> kernels_read: array<Kernel, AT_ONCE>;
 
 @compute @workgroup_size(LANES)
 fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
+    if rests(tile.xy) { return; }
     let at = in_panels(lane, 0u, TILE / PANEL_COLUMNS);
     let pixels = pixels_of(tile.xy, at);
     // That is so in all pixels of a tile or in none.
     if !any_lane(lane, is_live(index) && pixels.first != UNWANTED) { return; }
     let sites = sites_of(index, at);
-    let walk = walk_of(index);
+    let walk = walk_at(tile.xy);
     if view.resumes != 0u && SAMPLE_COVERAGE == 0u && !has_next(walk) { return; }
     let entries = entries_of(walk);
     var band = Sums();

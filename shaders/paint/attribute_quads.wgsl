@@ -2,13 +2,15 @@
 
 @compute @workgroup_size(4, 16)
 fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) place: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
-    if !is_live(index) { return; }
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
+    if !is_live(index) || rests(tile.xy) { return; }
     let at = vec2<u32>(4u * place.x, place.y);
     let pixels = pixels_of(tile.xy, at);
     if all(pixels.first == Floats(UNWANTED)) { return; }
     let sites = sites_of(index, at);
-    var walk = walk_of(index);
+    var walk = walk_at(tile.xy);
     if view.resumes != 0u && SAMPLE_COVERAGE == 0u && !has_next(walk) { return; }
     var band = Sums();
     band.turn = view.first_turn;
@@ -32,7 +34,7 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
             load_sums(&rest, sites.tile + REST * sites.layer);
         }
     }
-    walk = walk_of(index);
+    walk = walk_at(tile.xy);
     while has_others && has_next(walk) {
         let slot = next_slot(&walk);
         if !touches(weight_bounds(splats[slot]), pixels.column, pixels.row) { continue; }

@@ -1,8 +1,7 @@
 // Pass `project`: turns surfels into splats; poses, projects, bounds and culls them, and convolves each with the
 // low-pass filter of the sample grid where there is one.
 // Twins: src/backend/cpu/project.rs, paint/project.rs.  Math: docs/math.md, sections 2 and 3.
-//   in   segment   the surfels and their pose
-//        travels   the pose of the surfels' centres
+//   in   segments  the surfels and their pose
 //        geometry  columns of the surfel buffer: positions, axes u, axes v; with a filter normalisation, then the mean
 //                  of the last
 //   out  splats    one for each slot; unwritten where culled
@@ -14,11 +13,13 @@
 @group(1) @binding(5) var<storage, read_write> touched: array<u32>;
 
 @compute @workgroup_size(256)
-fn project(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= segment.surfels { return; }
-    let slot = segment.first_slot + id.x;
+fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = surfel_of(group.x, lane);
+    if index >= segment.surfels { return; }
+    view = views[segment.view];
+    let slot = segment.first_slot + index;
     touched[slot] = 0u;
-    let surfel = posed(id.x, f32(apron()));
+    let surfel = posed(index, f32(apron()));
     if surfel.kind == CULLED { return; }
     var listed = surfel.bounds;
     var splat: EwaSplat;
@@ -30,8 +31,8 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         let rows = vec2<i32>(surfel.bounds.zw);
         if rows.x > band.y || rows.y < band.x { return; }
         listed = vec4<u32>(surfel.bounds.xy, vec2<u32>(clamp(rows, band.xx, band.yy)));
-        let columns = travels[segment.index].columns;
-        let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + id.x];
+        let columns = segment.columns;
+        let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + index];
         let mean = geometry[(columns + 1u) * segment.buffer_surfels];
         splat.peak = 1.0;
         splat.weight = mean;

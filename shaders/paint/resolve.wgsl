@@ -2,52 +2,61 @@
 // weight.
 // Twins: src/backend/cpu/paint/resolve.rs, published/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10, and section 3.
 //   in   thresholds   depths of each tile, as common/depths.wgsl has them
-//        rest         output of paint/rest.wgsl
 //        sums         of each layer
 //        lights, environment
+//        starts       output of `bin`
 //   out  film         for each tile, for each plane, its pixels: premultiplied colour and alpha; then depth, normal and
 //                     velocity where they are wanted
-//        rest_film    the same of what is at rest, with weight 1, where the groups of a position share it
-// One invocation per pixel. The order of pixels does not matter. Groups are added in their order, one dispatch each.
+// One invocation per pixel. The order of pixels does not matter. The groups of a round that add to the same part of the
+// film are added in their order.
 
 @group(1) @binding(17) var<storage, read> thresholds: array<f32>;
-@group(1) @binding(38) var<storage, read> rest: array<u32>;
-@group(1) @binding(39) var<storage, read_write> rest_film: array<f32>;
+@group(1) @binding(12) var<storage, read> starts: array<u32>;
 
-// Is the film of what is at rest being made?
-var<private> makes_rest: bool;
+// Planes of a film that has all layers.
+const MOST_PLANES: u32 = 11u;
+// What a group shows at the pixel, plane by plane.
+var<private> shown: array<f32, MOST_PLANES>;
 
 fn deposit(at: u32, value: f32) {
-    if makes_rest {
-        rest_film[at] += value;
-    } else {
-        film[at] += value;
-    }
+    shown[at / TILE_PIXELS] += value;
 }
 
 @compute @workgroup_size(16, 16)
 fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
+    let end = tile.z + views[tile.z].same_film;
     let in_tile = pixel.y * TILE + pixel.x;
-    let shares = (view.flags & SHARES_REST) != 0u && (rest[index] & RESTS) != 0u;
-    if !shares {
-        add_group(index, tile.xy, pixel.xy, view.weight);
-        return;
-    }
-    let film_at = index * PLANES * TILE_PIXELS + in_tile;
-    if (rest[index] & KNOWN) == 0u {
-        for (var plane = 0u; plane < PLANES; plane += 1u) { rest_film[film_at + plane * TILE_PIXELS] = 0.0; }
-        makes_rest = true;
-        add_group(index, tile.xy, pixel.xy, 1.0);
-    }
-    for (var plane = 0u; plane < PLANES; plane += 1u) {
-        let at = film_at + plane * TILE_PIXELS;
-        film[at] += view.weight * rest_film[at];
+    // The view at rest whose tile is shown, after its number 1; 0 for none.
+    var known = 0u;
+    for (var number = tile.z; number < end; number += 1u) {
+        view = views[number];
+        if !has_tile(tile.xy) || (view.flags & IS_REST) != 0u { continue; }
+        let at_rest = rests(tile.xy);
+        // Groups that follow each other show the same tile at rest.
+        if !at_rest || known != view.rest + 1u {
+            for (var plane = 0u; plane < PLANES; plane += 1u) { shown[plane] = 0.0; }
+            var index = tile_of(tile.xy);
+            if at_rest { index = rest_tile_of(tile.xy); }
+            show_group(index, tile.xy, pixel.xy);
+            known = select(0u, view.rest + 1u, at_rest);
+        }
+        // The coverage of several samples holds their weights.
+        var weight = view.weight;
+        if SAMPLE_COVERAGE != 0u { weight = 1.0; }
+        let at = film_tile_of(tile.xy) * PLANES * TILE_PIXELS + in_tile;
+        for (var plane = 0u; plane < PLANES; plane += 1u) {
+            film[at + plane * TILE_PIXELS] += weight * shown[plane];
+        }
     }
 }
 
-// Adds what one group shows at a pixel, times `weight`.
-fn add_group(index: u32, tile: vec2<u32>, pixel: vec2<u32>, weight: f32) {
+// The number of a tile of the view among those of the film.
+fn film_tile_of(tile: vec2<u32>) -> u32 {
+    return view.film_tile + tile.y * view.tiles.x + tile.x;
+}
+
+// Finds what one group shows at a pixel, whose depths and sums are those of tile `index`.
+fn show_group(index: u32, tile: vec2<u32>, pixel: vec2<u32>) {
     let in_tile = pixel.y * TILE + pixel.x;
     let depths_at = depths_of(index);
     let first = thresholds[4u * (depths_at + threshold_place(vec2<u32>(pixel.x / 4u, pixel.y))) + pixel.x % 4u];
@@ -57,9 +66,9 @@ fn add_group(index: u32, tile: vec2<u32>, pixel: vec2<u32>, weight: f32) {
         let sum = sums[sum_at];
         if !(sum > 0.0) { return; }
         // Where no disc covers the pixel, only low-pass discs do: their weights are the coverage.
-        var share = Share(select(min(sum, 1.0), 1.0, first < NONE), weight, true);
+        var share = Share(select(min(sum, 1.0), 1.0, first < NONE), 1.0, true);
         if SAMPLE_COVERAGE != 0u { share = Share(sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS], 1.0, true); }
-        add_pixel(index, tile, pixel, sum_at, share);
+        add_pixel(0u, tile, pixel, sum_at, share);
         return;
     }
     let second = thresholds[4u * (depths_at + second_place()) + in_tile];
@@ -84,6 +93,6 @@ fn add_group(index: u32, tile: vec2<u32>, pixel: vec2<u32>, weight: f32) {
         if solid || layer == closing { coverage = 1.0; }
         let share = min(coverage, left);
         left -= share;
-        add_pixel(index, tile, pixel, sum_at, Share(share, weight, layer == BAND));
+        add_pixel(0u, tile, pixel, sum_at, Share(share, 1.0, layer == BAND));
     }
 }

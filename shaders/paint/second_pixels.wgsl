@@ -2,9 +2,11 @@
 
 @compute @workgroup_size(LANES)
 fn second(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
-    if !is_wanted(place) || is_at_hand(index) { return; }
+    if !is_wanted(place) || rests(tile.xy) { return; }
     if PEEL {
         if lane == 0u { live = u32(is_peeled_on(index)); }
         if workgroupUniformLoad(&live) == 0u { return; }
@@ -32,7 +34,7 @@ fn second(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_inde
         let first = thresholds[place_in(depths_at + threshold_place(vec2<u32>(at.x / 4u, at.y)), at.x)];
         var nearest = first;
         if NEAREST { nearest = thresholds[place_in(nearest_of(index) + in_tile, at.x)]; }
-        let walk = walk_of(index);
+        let walk = walk_at(tile.xy);
         let entries = entries_of(walk);
         for (var before = 0u; before < entries; before += AT_ONCE) {
             read_discs(lane, walk, before, entries, vec2<i32>(place * TILE), TILE / PANEL_COLUMNS, 0u);

@@ -6,9 +6,11 @@ fn second(
     @builtin(local_invocation_id) quad: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
-    if !is_wanted(place) || is_at_hand(index) { return; }
+    if !is_wanted(place) || rests(tile.xy) { return; }
     if PEEL {
         if lane == 0u { live = u32(is_peeled_on(index)); }
         if workgroupUniformLoad(&live) == 0u { return; }
@@ -38,7 +40,7 @@ fn second(
         let first = thresholds[depths_at + threshold_place(quad.xy)];
         var nearest = first;
         if NEAREST { nearest = thresholds[nearest_of(index) + lane]; }
-        var walk = walk_of(index);
+        var walk = walk_at(tile.xy);
         while has_next(walk) {
             let slot = next_slot(&walk);
             if !touches(unpack(disc_of(splats[slot]).bounds), column, row) { continue; }

@@ -42,7 +42,7 @@ fn turn(sum: ptr<function, Sums>, next: u32) {
         at = 1u;
     }
     for (; at < next; at += 1u) {
-        (*sum).coverage += segments[at - 1u].weight * min((*sum).sample_coverage, Floats(1.0));
+        (*sum).coverage += segments[view.first_segment + at - 1u].weight * min((*sum).sample_coverage, Floats(1.0));
         (*sum).sample_coverage = (*sum).static_coverage;
     }
     (*sum).turn = next;

@@ -5,9 +5,8 @@
 // Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, eq. 5, and section 3.
 //   in   splats, list, starts, wide   output of `project` and `bin`
 //        segments                     epsilon of a splat's object
-//        rest                         output of paint/rest.wgsl
 //   in and out  thresholds   depths of each tile, as common/depths.wgsl has them; T is NONE where no disc covers the
-//                            pixel, and all is UNWANTED in tiles that are not wanted, or whose film at rest is at hand
+//                            pixel, and all is UNWANTED in tiles that are not wanted; tiles at rest are left alone
 // Of a layer that is peeled off, discs behind the floor alone count, and there is no second threshold.
 // One workgroup per tile. A tile knows its apron from its own list, so it reads no other tile. The order of splats does
 // not change a minimum, so batches may come one after the other. How invocations share a tile and its list:
@@ -19,7 +18,6 @@
 @group(1) @binding(11) var<storage, read> wide: array<u32>;
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(17) var<storage, read_write> thresholds: array<Floats>;
-@group(1) @binding(38) var<storage, read> rest: array<u32>;
 
 // T of pixels, the tolerances of the discs that it is of, and the depths of the nearest discs. Only discs behind the
 // floor count.
@@ -91,12 +89,6 @@ fn store_depths(site: Site, depths: Depths) {
 // Is there more to peel off tile `index`?
 fn is_peeled_on(index: u32) -> bool {
     return first_of(thresholds[place_in(depths_of(index) + state_place(), 0u)]) != 0.0;
-}
-
-// Is the film of a tile at rest all that the group adds? Where a group has several batches, what moves may come later.
-fn is_at_hand(index: u32) -> bool {
-    let shares = (view.flags & (SHARES_REST | ONE_BATCH)) == (SHARES_REST | ONE_BATCH);
-    return shares && rest[index] == (KNOWN | RESTS);
 }
 
 // A disc on the rays through the pixels.

@@ -3,19 +3,22 @@
 
 @compute @workgroup_size(LANES)
 fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
     if PEEL {
         if lane == 0u { live = u32(is_peeled_on(index)); }
         if workgroupUniformLoad(&live) == 0u { return; }
     }
-    if !is_wanted(place) || is_at_hand(index) {
+    if rests(tile.xy) { return; }
+    if !is_wanted(place) {
         for (var i = lane; i < 4u * depth_quads(); i += LANES) {
             thresholds[4u * depths_of(index) + i] = UNWANTED;
         }
         return;
     }
-    let walk = walk_of(index);
+    let walk = walk_at(tile.xy);
     let entries = entries_of(walk);
     if view.resumes != 0u && entries == 0u { return; }
     let first = vec2<i32>(place * TILE) - vec2<i32>(vec2<u32>(4u * apron_quads(), apron()));

@@ -10,31 +10,38 @@ var<workgroup> epsilons_read: array<f32, READ>;
 
 @compute @workgroup_size(INVOCATIONS)
 fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
     let depths_at = depths_of(index);
     if PEEL {
         if lane == 0u { live = u32(is_peeled_on(index)); }
         if workgroupUniformLoad(&live) == 0u { return; }
     }
-    if !is_wanted(place) || is_at_hand(index) {
+    if rests(tile.xy) { return; }
+    if !is_wanted(place) {
         for (var i = lane; i < depth_quads(); i += INVOCATIONS) {
             thresholds[depths_at + i] = Floats(UNWANTED);
         }
         return;
     }
-    let first = starts[index];
-    let end = starts[index + 1u];
-    let wide_splats = starts[view.tiles.x * view.tiles.y + 1u];
-    if view.resumes != 0u && first == end && wide_splats == 0u { return; }
+    let walk = walk_at(tile.xy);
+    if view.resumes != 0u && !has_next(walk) { return; }
+    let first = walk.end - walk.next;
+    let entries = first + walk.later_end - walk.later;
+    let first_wide = walk.end_wide - walk.next_wide;
+    let wide_entries = first_wide + walk.later_end_wide - walk.later_wide;
     for (var before = 0u; before < guarded_quads(); before += INVOCATIONS) {
         let i = before + lane;
         let site = site_of(index, place, vec2<u32>(4u * (i % row_quads()), i / row_quads()));
         var depths = depths_before(site);
-        for (var next = first; next < end; next += READ) {
-            let count = min(READ, end - next);
+        for (var next = 0u; next < entries; next += READ) {
+            let count = min(READ, entries - next);
             if lane < count {
-                let disc = disc_of(splats[list[next + lane]]);
+                let entry = next + lane;
+                let at = select(walk.later + (entry - first), walk.next + entry, entry < first);
+                let disc = disc_of(splats[list[at]]);
                 discs_read[lane] = disc;
                 epsilons_read[lane] = segments[disc.flags >> 1u].epsilon;
             }
@@ -46,7 +53,8 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
             }
             workgroupBarrier();
         }
-        for (var k = 0u; k < wide_splats; k += 1u) {
+        for (var i = 0u; i < wide_entries; i += 1u) {
+            let k = select(walk.later_wide + (i - first_wide), walk.next_wide + i, i < first_wide);
             if touches(unpack(disc_of(splats[wide[k]]).bounds), site.column, site.row) {
                 let disc = disc_of(splats[wide[k]]);
                 depths = lowered(depths, disc, segments[disc.flags >> 1u].epsilon, site.column, site.row);

@@ -12,8 +12,8 @@ fn coverage(index: u32, in_tile: u32) -> f32 {
     var covers = 0.0;
     var reached = 0.0;
     for (var i = 0u; i < 32u; i += 1u) {
-        covers += select(0.0, moments[i], ((surface >> i) & 1u) != 0u);
-        reached += select(0.0, moments[i], ((others >> i) & 1u) != 0u);
+        covers += select(0.0, moments[view.first_moment + i], ((surface >> i) & 1u) != 0u);
+        reached += select(0.0, moments[view.first_moment + i], ((others >> i) & 1u) != 0u);
     }
     // At times when only low-pass discs cover the pixel, the sum of their weights is the coverage, up to the length of
     // those times.

@@ -4,11 +4,12 @@
 // One invocation per surfel.
 
 @compute @workgroup_size(256)
-fn published_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= segment.surfels { return; }
-    let slot = segment.first_slot + id.x;
+fn published_sweep(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = surfel_of(group.x, lane);
+    if index >= segment.surfels { return; }
+    let slot = segment.first_slot + index;
     touched[slot] = 0u;
-    var kernel = moving(id.x);
+    var kernel = moving(index);
     if kernel.kind == CROSSING {
         write_crossing(slot, kernel.splat, kernel.centre, kernel.motion, kernel.u, kernel.v);
     }

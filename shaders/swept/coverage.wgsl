@@ -18,8 +18,8 @@ fn coverage(index: u32, in_tile: u32) -> f32 {
     var by_discs = 0.0;
     var most = 0.0;
     for (var i = 0u; i < 32u; i += 1u) {
-        by_discs += select(0.0, moments[i], ((surface >> i) & 1u) != 0u);
-        most += select(0.0, moments[i], ((either >> i) & 1u) != 0u);
+        by_discs += select(0.0, moments[view.first_moment + i], ((surface >> i) & 1u) != 0u);
+        most += select(0.0, moments[view.first_moment + i], ((either >> i) & 1u) != 0u);
     }
     if surface == 0xffffffffu { by_discs = view.weight; }
     if either == 0xffffffffu { most = view.weight; }

@@ -15,13 +15,14 @@ struct Wide {
 }
 
 @compute @workgroup_size(256)
-fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= segment.surfels { return; }
-    let slot = segment.first_slot + id.x;
+fn sweep(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = surfel_of(group.x, lane);
+    if index >= segment.surfels { return; }
+    let slot = segment.first_slot + index;
     touched[slot] = 0u;
-    var kernel = moving(id.x);
-    let columns = travels[segment.index].columns;
-    let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + id.x];
+    var kernel = moving(index);
+    let columns = segment.columns;
+    let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + index];
     let mean = geometry[(columns + 1u) * segment.buffer_surfels];
     // The kernel without a filter: its disc.
     kernel.splat.filtered.peak = 1.0;

@@ -6,7 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::strata::Strata;
-use crate::backend::{Backend, BackendError, Stats};
+use crate::backend::{Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Backdrop, Picture, over};
 use crate::frame::{Blocks, Frame};
 use crate::options::{Interleave, RenderOptions};
@@ -100,15 +100,9 @@ impl Round<'_> {
         (positions.into_values().collect(), of_picture as usize)
     }
 
-    /// Renders the new samples of half buffer `half` in the wanted blocks.
-    fn render(
-        &self,
-        backend: &mut dyn Backend,
-        half: u32,
-        wanted: Option<&Blocks>,
-        stats: &mut Stats,
-    ) -> Result<Picture, BackendError> {
-        let exposure = self.exposure(half);
+    /// The new samples of half buffer `half` in the wanted blocks.
+    fn frame(&self, half: usize, wanted: Option<&Blocks>) -> Result<Frame, BackendError> {
+        let exposure = self.exposure(half as u32);
         let samples: usize = exposure.groups().map(|group| group.samples.len()).sum();
         BackendError::check_samples(self.scene, samples as u64, self.options.memory)?;
         let mut frame = Frame::exposed(self.scene, self.number, &exposure, self.options);
@@ -116,10 +110,7 @@ impl Round<'_> {
         frame.wanted = wanted.cloned();
         // Room for the two older half buffers, and for the other one of this round.
         frame.picture_bytes = 3 * picture_bytes(&frame);
-        let mut rendered = backend.render(frame)?;
-        stats.add(&rendered.stats);
-        rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
-        Ok(rendered.picture)
+        Ok(frame)
     }
 }
 
@@ -134,7 +125,12 @@ impl HalfBuffers {
         wanted: Option<&Blocks>,
         stats: &mut Stats,
     ) -> Result<Self, BackendError> {
-        Ok(Self([round.render(backend, 0, wanted, stats)?, round.render(backend, 1, wanted, stats)?]))
+        let halves = backend.render_two(&|half| round.frame(half, wanted))?;
+        Ok(Self(halves.map(|Rendered { mut picture, stats: of_half }| {
+            stats.add(&of_half);
+            picture.layers.retain(|layer| layer.aov != Aov::Samples);
+            picture
+        })))
     }
 
     /// Both half buffers.

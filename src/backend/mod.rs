@@ -62,4 +62,15 @@ pub trait Backend: Send {
     /// # Errors
     /// The frame does not fit into the limits of the backend.
     fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError>;
+
+    /// The same for two frames, which are made when they are needed. A backend may have both under way.
+    ///
+    /// # Errors
+    /// As [`Self::render`], or those of making a frame.
+    fn render_two(
+        &mut self,
+        frame: &dyn Fn(usize) -> Result<Frame, BackendError>,
+    ) -> Result<[Rendered; 2], BackendError> {
+        Ok([self.render(frame(0)?)?, self.render(frame(1)?)?])
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::layout::{FIRST_OF_POSITION, KEEPS_SPLATS, ONE_BATCH, SHARES_REST, Segment, Travel, UNIFORM_STRIDE};
+use super::layout::Segment;
 use super::memory::Schedule;
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
@@ -13,82 +13,43 @@ use crate::scene::SurfelModel;
 /// Gaps of unwanted surfels that are shorter than this are projected too, because a segment of its own costs more.
 const GAP: usize = 1 << 12;
 
-/// Slots and segments of a batch that are at rest: they come first.
-#[derive(Clone, Copy, Debug, Default)]
-pub(in crate::backend) struct AtRest {
-    pub slots: u32,
-    pub segments: usize,
-    /// Are its splats at hand, of a group before?
-    pub kept: bool,
-}
-
 /// Surfels that go through the passes together.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Batch {
     pub slots: u32,
-    pub at_rest: AtRest,
+    /// Slots and segments that are at rest: they come first.
+    pub at_rest: (u32, usize),
     /// Segments, with the object and the surfel buffer of each.
     pub segments: Vec<(Segment, usize, usize)>,
-    /// One for each segment.
-    pub travels: Vec<Travel>,
     /// The turn of the last segment.
     pub last_turn: u32,
 }
 
 impl Batch {
-    /// The segments whose splats are not at hand.
-    pub(in crate::backend) fn unmade(&self) -> &[(Segment, usize, usize)] {
-        if self.at_rest.kept { &self.segments[self.at_rest.segments..] } else { &self.segments }
-    }
-
     /// Does the same rest in `other`, at the same place, in the same slots?
-    fn rests_as(&self, other: &Self) -> bool {
-        let count = self.at_rest.segments;
-        count == other.at_rest.segments
-            && self.segments[..count] == other.segments[..count]
-            && self.travels[..count] == other.travels[..count]
+    pub(in crate::backend) fn rests_as(&self, other: &Self) -> bool {
+        let (_, count) = self.at_rest;
+        self.at_rest == other.at_rest && self.segments[..count] == other.segments[..count]
     }
-}
 
-/// What the groups of a sample position share in a band.
-#[derive(Debug, Default)]
-pub(in crate::backend) struct SharedRest {
-    /// The batch whose splats the buffers hold.
-    at_hand: Option<Batch>,
-    /// Was there a group?
-    started: bool,
-}
-
-impl SharedRest {
-    /// Takes note of the next group's batches, and marks what they keep. Returns the bits of [`View::flags`].
-    ///
-    /// [`View::flags`]: super::layout::View::flags
-    pub(in crate::backend) fn next(&mut self, batches: &mut [Batch], shares_film: bool) -> u32 {
-        if batches.is_empty() {
-            return 0;
-        }
-        let before = self.at_hand.take();
-        let one = if let [batch] = batches {
-            batch.at_rest.kept = before.is_some_and(|before| before.rests_as(batch));
-            self.at_hand = Some(batch.clone());
-            Some(batch.at_rest.kept)
-        } else {
-            None
+    /// Two batches: of what is at rest, and of what moves. `first`: the index of the first segment of each.
+    pub(in crate::backend) fn parted(&self, first: u32) -> [Self; 2] {
+        let (slots, count) = self.at_rest;
+        let (rest, moving) = self.segments.split_at(count);
+        let move_up = |(at, &(segment, object, buffer)): (u32, &(Segment, usize, usize))| {
+            let segment = Segment { first_slot: segment.first_slot - slots, index: first + at, ..segment };
+            (segment, object, buffer)
         };
-        let mut flags = u32::from(one == Some(true)) * KEEPS_SPLATS;
-        if shares_film {
-            flags |= SHARES_REST;
-            flags |= u32::from(!self.started) * FIRST_OF_POSITION;
-            flags |= u32::from(one.is_some()) * ONE_BATCH;
-        }
-        self.started = true;
-        flags
+        [
+            Self { slots, at_rest: self.at_rest, segments: rest.to_vec(), last_turn: 0 },
+            Self {
+                slots: self.slots - slots,
+                segments: (0..).zip(moving).map(move_up).collect(),
+                last_turn: self.last_turn,
+                ..Self::default()
+            },
+        ]
     }
-}
-
-/// The segments of batches, in order.
-pub(in crate::backend) fn segments(batches: &[Batch]) -> impl Iterator<Item = &Segment> {
-    batches.iter().flat_map(|batch| &batch.segments).map(|(segment, _, _)| segment)
 }
 
 impl Schedule {
@@ -190,10 +151,9 @@ impl Cutter<'_> {
                             ..template
                         };
                         batch.segments.push((segment, object, number));
-                        batch.travels.push(Travel::of(pose, of_frame));
                         batch.slots += surfels as u32;
                         if turn == 0 {
-                            batch.at_rest = AtRest { slots: batch.slots, segments: batch.segments.len(), kept: false };
+                            batch.at_rest = (batch.slots, batch.segments.len());
                         }
                         batch.last_turn = turn;
                         first += surfels;
@@ -205,5 +165,3 @@ impl Cutter<'_> {
         batches
     }
 }
-
-const _: () = assert!(size_of::<Segment>() as u64 == UNIFORM_STRIDE);

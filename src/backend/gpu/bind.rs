@@ -6,25 +6,22 @@ use wgpu::{
     BindGroup, BindGroupEntry, BindingResource, Buffer, BufferBinding, BufferSize, ComputePass, ComputePipeline,
 };
 
-use super::batches::segments;
 use super::bind_groups::{BindGroups, Bound};
-use super::buffers::Buffers;
+use super::buffers::{Buffers, TABLE_BYTES, VIEW_BYTES};
 use super::calls::Calls;
-use super::captures;
 use super::constants::{
     paint_resolve_constants, slice_constants, swept_constants, swept_resolve_constants, value_constants,
 };
 use super::device::Device;
-use super::layout::{CAPTURE_STRIDES, DIGIT_BITS, UNIFORM_STRIDE};
+use super::layout::DIGIT_BITS;
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, KernelKind, Pipelines, Program, Slot};
-use super::timestamps::Marks;
+use super::upload::Upload;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::layout::{FilteredSplat, Splat, SweptSplat};
 use crate::options::{KernelShape, Normalise, SweptKernel};
-use crate::plan::LAYERS;
 
 /// A pipeline and the buffers that it is bound to.
 #[derive(Clone, Debug)]
@@ -36,12 +33,12 @@ pub(in crate::backend) struct BoundProgram {
 }
 
 impl BoundProgram {
-    /// Records `groups` workgroups, in columns and rows. `offsets` are those of the view and, where the program has
-    /// one, of the segment.
-    pub(in crate::backend) fn dispatch(&self, pass: &mut ComputePass<'_>, offsets: &[u32], groups: [u32; 2]) {
+    /// Records `groups` workgroups, in columns, rows and layers. `offsets` are those of the view and, where the program
+    /// has one, of its second uniform.
+    pub(in crate::backend) fn dispatch(&self, pass: &mut ComputePass<'_>, offsets: &[u32], groups: [u32; 3]) {
         self.calls.dispatch();
         self.set(pass, offsets);
-        pass.dispatch_workgroups(groups[0], groups[1], 1);
+        pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
     }
 
     /// Records as many workgroups as the first numbers of a buffer say.
@@ -149,7 +146,6 @@ pub(in crate::backend) struct PublishedPrograms {
 #[derive(Debug)]
 pub(in crate::backend) struct PaintPrograms {
     pub lists: ListPrograms,
-    pub find_rest: BoundProgram,
     pub visibility: BoundProgram,
     /// `None` where pixels have one layer.
     pub second: Option<BoundProgram>,
@@ -181,44 +177,16 @@ pub(in crate::backend) struct TransparentPrograms {
     pub composite: BoundProgram,
 }
 
-/// Passes that are recorded of a batch of see-through surfels: lists are made again for each that reads them.
-const PASSES_OF_LAYERS: usize = 4 * (4 * LAYERS as usize + 3);
-
 impl Gpu {
-    /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
+    /// Makes room for what is uploaded, and binds the programs.
     pub(in crate::backend) fn bind(
         &mut self,
         prepared: &Prepared<'_>,
-        marks: &mut Marks,
+        upload: &Upload,
     ) -> Result<BoundPrograms, BackendError> {
-        let Prepared { frame, schedule, .. } = prepared;
-        let mut most = [0_usize; 3];
-        let mut passes = 0;
-        for position in frame.positions() {
-            for group in &position.groups {
-                let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
-                for (see_through, passes_each) in [(false, 18), (true, PASSES_OF_LAYERS)] {
-                    let batches = schedule.batches(prepared, &position.raster, group, see_through);
-                    if see_through && batches.is_empty() {
-                        continue;
-                    }
-                    let views = batches.len() + 1;
-                    let segments = group.samples.len() + segments(&batches).count() + views;
-                    most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
-                    passes += passes_each * views + 4;
-                }
-                if frame.blending.is_some() {
-                    let [views, segments, of_step] = captures::sizes(prepared, group);
-                    most = [most[0].max(views), most[1].max(segments), most[2]];
-                    passes += of_step;
-                }
-            }
-        }
-        let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
         let DeviceState { device, buffers, pipelines, groups, .. } = &mut self.state;
-        buffers.fit_group(device, most[0], most[1], most[2])?;
-        buffers.fit_environment(device, frame.surroundings.as_ref())?;
-        marks.begin(device, passes * bands)?;
+        upload.fit(device, buffers)?;
+        buffers.fit_environment(device, prepared.frame.surroundings.as_ref())?;
         groups.begin();
         Binder { device, pipelines, groups, buffers }.bind(prepared)
     }
@@ -239,7 +207,6 @@ impl Binder<'_> {
             Slot::Segments => &b.segments,
             Slot::Lights => &b.lights,
             Slot::Environment => &b.environment,
-            Slot::Travels => &b.travels,
             Slot::Map => &b.map,
             Slot::CoverageMask => &b.coverage_mask,
             Slot::Moments => &b.moments,
@@ -259,8 +226,6 @@ impl Binder<'_> {
             Slot::Thresholds => &b.thresholds,
             Slot::Values => &b.values,
             Slot::Sums => &b.sums,
-            Slot::Rest => &b.rest,
-            Slot::RestFilm => &b.rest_film,
             // These are bound surfel buffer by surfel buffer and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
             Slot::Wanted => &b.wanted,
@@ -291,18 +256,16 @@ impl Binder<'_> {
                 (slot, own.unwrap_or_else(|| Self::buffer(all, slot, from).as_entire_buffer_binding()))
             })
             .collect();
-        let bound = Bound::new(program, [&self.buffers.views, &self.buffers.segments], &buffers);
+        let bound = Bound::new(program, [&self.buffers.views, &self.buffers.uniforms], &buffers);
         let layouts = self.pipelines.layouts(self.device, program).clone();
-        let uniform = |buffer, strides: usize| {
-            let size = BufferSize::new(strides as u64 * UNIFORM_STRIDE);
-            BindingResource::Buffer(BufferBinding { buffer, offset: 0, size })
+        let uniform = |buffer, bytes: u64| {
+            BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(bytes) })
         };
-        let of_segment = if program == Program::GaussianProject { CAPTURE_STRIDES } else { 1 };
         let uniforms = [
-            BindGroupEntry { binding: 0, resource: uniform(&self.buffers.views, 1) },
-            BindGroupEntry { binding: 1, resource: uniform(&self.buffers.segments, of_segment) },
+            BindGroupEntry { binding: 0, resource: uniform(&self.buffers.views, VIEW_BYTES) },
+            BindGroupEntry { binding: 1, resource: uniform(&self.buffers.uniforms, TABLE_BYTES) },
         ];
-        let uniforms = &uniforms[..if program.has_segment() { 2 } else { 1 }];
+        let uniforms = &uniforms[..if program.has_second_uniform() { 2 } else { 1 }];
         let mut entries = Vec::new();
         for (slot, part) in &buffers {
             entries.push(BindGroupEntry { binding: *slot as u32, resource: BindingResource::Buffer(part.clone()) });
@@ -359,7 +322,7 @@ impl Binder<'_> {
         let Prepared { frame, schedule, .. } = prepared;
         let none = Constants::new();
         let rounds = schedule
-            .band_tiles
+            .round_tiles
             .max(schedule.map_tiles)
             .max(1)
             .next_power_of_two()
@@ -420,7 +383,9 @@ impl Binder<'_> {
         let needs_finish = frame.swept.is_some_and(SweptKernel::needs_finish);
         let (film, opaque) = (self.buffers.film.clone(), self.buffers.opaque.clone());
         let captures = frame.blending.is_some();
+        let whole = prepared.binds_whole_film();
         let part = |&(offset, bytes): &(u64, u64)| {
+            let (offset, bytes) = if whole { (0, film.size()) } else { (offset, bytes) };
             let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
             let over = if captures { Some(self.over(prepared, part.clone())?) } else { None };
             let special = [(Slot::Film, if captures { opaque.as_entire_buffer_binding() } else { part })];

@@ -43,9 +43,10 @@ impl BindGroups {
         self.made.retain(|_, (_, asked)| *asked + KEPT >= round);
     }
 
-    /// Lets go of all, and of their buffers.
-    pub(super) fn forget(&mut self) {
-        self.made.clear();
+    /// Lets go of those of models, and of their buffers.
+    pub(super) fn forget_models(&mut self) {
+        let of_model = |(slot, ..): &(Slot, Buffer, u64, Option<BufferSize>)| *slot == Slot::Geometry;
+        self.made.retain(|bound, _| !bound.buffers.iter().any(of_model));
     }
 
     /// The bind groups of what is bound, which `make` makes if they are not there.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Weak};
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
-use super::layout::{DIGIT_BITS, DeviceGaussian, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
+use super::layout::{DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEWS, View, WORKGROUP_ITEMS, WORKGROUPS};
 use super::memory::{MAP_BYTES, Schedule};
 use crate::backend::BackendError;
 use crate::environment::{Cube, Surroundings};
@@ -15,8 +15,9 @@ use crate::layout::FilteredSplat;
 #[derive(Debug)]
 pub(in crate::backend) struct Buffers {
     pub views: Buffer,
+    /// Tables of workgroups; the segments of captures, the background, and the totals of sorts.
+    pub uniforms: Buffer,
     pub segments: Buffer,
-    pub travels: Buffer,
     pub lights: Buffer,
     /// What surfaces mirror, and the map that it was made of.
     pub environment: Buffer,
@@ -36,9 +37,6 @@ pub(in crate::backend) struct Buffers {
     pub starts: Buffer,
     pub thresholds: Buffer,
     pub sums: Buffer,
-    /// Bits of each tile at rest, and its film, where the groups of a position share what is at rest.
-    pub rest: Buffer,
-    pub rest_film: Buffer,
     /// The visibility map of kernels in motion. Behind its tiles are the thresholds of static objects, where those
     /// have a picture of their own, then the thresholds of slices.
     pub map: Buffer,
@@ -59,6 +57,13 @@ pub(in crate::backend) struct Buffers {
     pub entries: u64,
 }
 
+/// Bytes of the views, and of the table of workgroups, that a program binds.
+pub(in crate::backend) const VIEW_BYTES: u64 = VIEWS as u64 * size_of::<View>() as u64;
+pub(in crate::backend) const TABLE_BYTES: u64 = 8 * WORKGROUPS as u64;
+/// Bytes of the moments of an interval.
+const MOMENT_BYTES: u64 = size_of::<[f32; 32]>() as u64;
+
+const UNIFORM: BufferUsages = BufferUsages::UNIFORM.union(BufferUsages::COPY_DST);
 const SHARED: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
 impl Buffers {
@@ -66,9 +71,9 @@ impl Buffers {
         let digits = 1_u64 << DIGIT_BITS;
         let empty = || device.buffer("buffers", 0, SHARED);
         Ok(Self {
-            views: device.buffer("views", UNIFORM_STRIDE, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?,
-            segments: device.buffer("segments", UNIFORM_STRIDE, BufferUsages::UNIFORM | SHARED)?,
-            travels: device.buffer("segments", size_of::<Travel>() as u64, SHARED)?,
+            views: device.buffer("views", VIEW_BYTES, UNIFORM)?,
+            uniforms: device.buffer("tables", TABLE_BYTES, UNIFORM | BufferUsages::COPY_SRC)?,
+            segments: device.buffer("segments", size_of::<Segment>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
             environment: empty()?,
             environment_of: Weak::new(),
@@ -87,11 +92,9 @@ impl Buffers {
             starts: empty()?,
             thresholds: empty()?,
             sums: empty()?,
-            rest: empty()?,
-            rest_film: empty()?,
             map: empty()?,
             coverage_mask: empty()?,
-            moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
+            moments: device.buffer("moments", MOMENT_BYTES, SHARED)?,
             film: empty()?,
             gaussians: device.buffer("splats of captures", size_of::<DeviceGaussian>() as u64, SHARED)?,
             order: empty()?,
@@ -105,20 +108,17 @@ impl Buffers {
 
     /// Makes room for a frame.
     pub(in crate::backend) fn fit(&mut self, device: &Device, schedule: &Schedule) -> Result<(), BackendError> {
-        let slots = schedule.slots;
+        let slots = schedule.round_slots;
         grow(device, &mut self.splats, "splats", slots * schedule.splat_bytes)?;
         grow(device, &mut self.touched, "tile counts", 4 * slots)?;
         grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(WORKGROUP_ITEMS)))?;
         grow(device, &mut self.wide, "lists", 4 * slots)?;
         grow(device, &mut self.values, "attributes", 4 * schedule.values * slots)?;
         let tile = 4 * 256;
-        let (band, map) = (schedule.band_tiles, schedule.map_tiles);
-        grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
+        let (band, map) = (schedule.round_tiles, schedule.map_tiles);
+        grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2 + u64::from(VIEWS)))?;
         grow(device, &mut self.thresholds, "thresholds", (schedule.depth_bytes * band).max(tile * map))?;
         grow(device, &mut self.sums, "sums", tile * schedule.sums * band)?;
-        grow(device, &mut self.rest, "tiles at rest", schedule.rest_bytes.min(4) * band)?;
-        let film_bytes = schedule.rest_bytes.saturating_sub(4);
-        grow(device, &mut self.rest_film, "tiles at rest", film_bytes * band)?;
         grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.slice_bytes * band)?;
         grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
         let each = size_of::<DeviceGaussian>() as u64;
@@ -152,10 +152,9 @@ impl Buffers {
     pub(in crate::backend) fn bytes(&self) -> u64 {
         let splats = [&self.splats, &self.touched, &self.partials, &self.wide, &self.values, &self.starts];
         let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.film, &self.histogram];
-        let rest = [&self.rest, &self.rest_film];
         let captures = [&self.gaussians, &self.order, &self.opaque, &self.peeled, &self.layers];
         let lists = self.keys.iter().chain(&self.lists);
-        splats.into_iter().chain(tiles).chain(rest).chain(captures).chain(lists).map(Buffer::size).sum()
+        splats.into_iter().chain(tiles).chain(captures).chain(lists).map(Buffer::size).sum()
     }
 
     /// Makes room for `entries` entries.
@@ -170,20 +169,6 @@ impl Buffers {
         grow(device, &mut self.histogram, "lists", 4 * (groups << DIGIT_BITS))?;
         self.entries = entries;
         Ok(())
-    }
-
-    /// Makes room for a group's uniforms.
-    pub(in crate::backend) fn fit_group(
-        &mut self,
-        device: &Device,
-        views: usize,
-        segments: usize,
-        lights: usize,
-    ) -> Result<(), BackendError> {
-        grow(device, &mut self.views, "views", views as u64 * UNIFORM_STRIDE)?;
-        grow(device, &mut self.segments, "segments", (segments * size_of::<Segment>()) as u64)?;
-        grow(device, &mut self.travels, "segments", (segments * size_of::<Travel>()) as u64)?;
-        grow(device, &mut self.lights, "lights", (lights * size_of::<Light>()) as u64)
     }
 }
 

@@ -54,6 +54,22 @@ impl Calls {
         add(&self.bind_groups, 1);
     }
 
+    /// All calls since those `before`.
+    pub(super) fn since(&self, before: &GpuCalls) -> GpuCalls {
+        let now = self.so_far();
+        GpuCalls {
+            submissions: now.submissions - before.submissions,
+            waits: now.waits - before.waits,
+            maps: now.maps - before.maps,
+            dispatches: now.dispatches - before.dispatches,
+            writes: now.writes - before.writes,
+            bind_groups: now.bind_groups - before.bind_groups,
+            bytes_up: now.bytes_up - before.bytes_up,
+            bytes_down: now.bytes_down - before.bytes_down,
+            ..GpuCalls::default()
+        }
+    }
+
     /// All calls so far.
     pub(super) fn so_far(&self) -> GpuCalls {
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
@@ -66,6 +82,7 @@ impl Calls {
             bind_groups: read(&self.bind_groups),
             bytes_up: read(&self.bytes_up),
             bytes_down: read(&self.bytes_down),
+            ..GpuCalls::default()
         }
     }
 }

@@ -1,6 +1,5 @@
 //! How the Gaussians of a group are cut up: a run for each buffer that holds some.
 
-use super::layout::CAPTURE_STRIDES;
 use super::prepared::Prepared;
 use crate::frame::PosedGroup;
 use crate::model::Gaussians;
@@ -35,17 +34,4 @@ pub(super) fn runs<'a>(prepared: &Prepared<'a>, group: &PosedGroup) -> (Vec<Run<
         }
     }
     (runs, slots)
-}
-
-/// Where segment `number` of a group begins, strides of uniforms. The background comes before all.
-pub(super) const fn segment_at(number: usize) -> usize {
-    1 + number * CAPTURE_STRIDES
-}
-
-/// Most views and segments of a group, and passes that it records.
-pub(super) fn sizes(prepared: &Prepared<'_>, group: &PosedGroup) -> [usize; 3] {
-    let (runs, slots) = runs(prepared, group);
-    let slabs = u64::from(slots).div_ceil(prepared.schedule.slots).max(1) as usize;
-    // A program is bound to a segment even where none is visible.
-    [slabs + 1, segment_at((2 * runs.len()).max(1)), group.samples.len() * (4 + 2 * slabs)]
 }

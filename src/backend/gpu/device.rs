@@ -77,7 +77,8 @@ fn all() -> Vec<Adapter> {
     /// one (<https://github.com/gfx-rs/wgpu/issues/5930>).
     static INSTANCE: OnceLock<Instance> = OnceLock::new();
     let instance = INSTANCE.get_or_init(|| Instance::new(InstanceDescriptor::new_without_display_handle_from_env()));
-    pollster::block_on(instance.enumerate_adapters(Backends::all()))
+    // The one that does nothing is for tests.
+    pollster::block_on(instance.enumerate_adapters(Backends::all() - Backends::NOOP))
 }
 
 fn report(adapter: &Adapter) -> AdapterReport {
@@ -109,7 +110,8 @@ fn has_device_node() -> bool {
     !cfg!(target_os = "linux") || NODES.iter().any(|node| std::path::Path::new(node).exists())
 }
 
-/// The best of the adapters that are wanted: discrete before integrated before virtual before software.
+/// The best of the adapters that are wanted: discrete before integrated before virtual before software; Vulkan before
+/// Metal and Direct3D.
 fn choose(choice: &Choice) -> Result<Adapter, BackendError> {
     let mut found = if choice.hardware_only && !has_device_node() { Vec::new() } else { all() };
     let names = found.iter().map(|adapter| adapter.get_info().name).collect::<Vec<_>>();
@@ -119,12 +121,17 @@ fn choose(choice: &Choice) -> Result<Adapter, BackendError> {
     if choice.hardware_only {
         found.retain(|adapter| adapter.get_info().device_type != DeviceType::Cpu);
     }
-    let rank = |adapter: &Adapter| match adapter.get_info().device_type {
-        DeviceType::DiscreteGpu => 0,
-        DeviceType::IntegratedGpu => 1,
-        DeviceType::VirtualGpu => 2,
-        DeviceType::Other => 3,
-        DeviceType::Cpu => 4,
+    let rank = |adapter: &Adapter| {
+        let info = adapter.get_info();
+        let kind = match info.device_type {
+            DeviceType::DiscreteGpu => 0,
+            DeviceType::IntegratedGpu => 1,
+            DeviceType::VirtualGpu => 2,
+            DeviceType::Other => 3,
+            DeviceType::Cpu => 4,
+        };
+        // A computer may offer the same GPU by several interfaces.
+        (kind, info.backend != wgpu::Backend::Vulkan)
     };
     found.into_iter().min_by_key(rank).ok_or_else(|| {
         let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
@@ -137,6 +144,11 @@ impl Device {
     pub(in crate::backend) fn open(choice: &Choice) -> Result<Self, BackendError> {
         let adapter = choose(choice)?;
         let info = adapter.get_info();
+        Self::of(&adapter, info)
+    }
+
+    /// Opens an adapter, which is taken for what `info` says.
+    pub(in crate::backend) fn of(adapter: &Adapter, info: AdapterInfo) -> Result<Self, BackendError> {
         let limits = adapter.limits();
         if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
             return Err(BackendError::Device {
@@ -224,6 +236,9 @@ impl Device {
 
     /// Writes to a buffer, before what is submitted next.
     pub(in crate::backend) fn write(&self, buffer: &wgpu::Buffer, at: u64, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
         self.calls.write(bytes.len() as u64);
         self.queue.write_buffer(buffer, at, bytes);
     }

@@ -38,6 +38,8 @@ pub(in crate::backend) struct Flight {
     entries: u64,
     most_entries: u64,
     slots: u64,
+    /// Entries of the longest list that programs walk over to its end.
+    most_list: u64,
 }
 
 impl Landing {
@@ -56,12 +58,12 @@ impl Gpu {
             Some(landing) => landing,
             None => Landing::new(&self.state.device)?,
         };
-        self.submit(&prepared, &mut landing.marks)?;
-        let Prepared { planes, schedule, .. } = prepared;
+        landing.marks.begin(&self.state.device, prepared.most_passes())?;
+        let mut encoder = self.record(&prepared, &mut landing.marks)?;
+        let Prepared { planes, schedule, most_list, .. } = prepared;
         let (device, buffers) = (&self.state.device, &self.state.buffers);
         let status_bytes = size_of::<Status>() as u64;
         grow(device, &mut landing.staging, "the film's copy", schedule.film_bytes + status_bytes)?;
-        let mut encoder = self.state.encoder();
         if schedule.film_bytes > 0 {
             encoder.copy_buffer_to_buffer(&buffers.film, 0, &landing.staging, 0, schedule.film_bytes);
         }
@@ -70,7 +72,7 @@ impl Gpu {
         device.map(&landing.staging);
         landing.marks.ask(device);
         device.check()?;
-        let calls = device.calls.so_far() - before;
+        let calls = device.calls.since(&before);
         Ok(Flight {
             calls,
             landing,
@@ -81,6 +83,7 @@ impl Gpu {
             entries: buffers.entries,
             most_entries: schedule.most_entries,
             slots: schedule.slots,
+            most_list,
             frame,
         })
     }
@@ -106,14 +109,16 @@ impl Gpu {
         device.wait_for(Some(flight.submission.clone()))?;
         let frame = flight.frame;
         let mut calls = flight.calls;
-        calls += device.calls.so_far() - before;
-        let mut stats = Stats { gpu: Some(calls), ..Stats::of(&frame) };
+        calls += device.calls.since(&before);
         let staging = &flight.landing.staging;
         let view = staging.get_mapped_range(..).map_err(|e| device.error(format!("cannot read the film: {e}")))?;
         let (film, rest) = view.split_at(flight.film_bytes as usize);
         let status = bytemuck::pod_read_unaligned::<Status>(&rest[..size_of::<Status>()]);
         let wanted = u64::from(status.most_entries);
-        let fits = wanted <= flight.entries;
+        let (has_room, has_turns) = (wanted <= flight.entries, status.longest() <= flight.most_list);
+        let fits = has_room && has_turns;
+        status.count(&mut calls);
+        let mut stats = Stats { gpu: Some(calls), ..Stats::of(&frame) };
         let picture = fits.then(|| {
             let film = DeviceFilm {
                 rasters: &flight.rasters,
@@ -132,7 +137,7 @@ impl Gpu {
         stats.left_out = u64::from(status.left_out_high) << 32 | u64::from(status.left_out_low);
         flight.landing.marks.add_to(&mut stats);
         self.landings.push(flight.landing);
-        if wanted <= flight.most_entries {
+        if has_turns && wanted <= flight.most_entries {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
         } else if flight.slots > 1 {
             // This ends: a batch of one splat has few entries.

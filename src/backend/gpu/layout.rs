@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
+use crate::backend::GpuCalls;
 use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample, Raster};
 use crate::layout::Channels;
 use crate::model::{Material, Surfels};
@@ -17,10 +18,14 @@ pub(in crate::backend) const WORKGROUP_ITEMS: u32 = 1024;
 pub(in crate::backend) const WIDEST: u32 = 64;
 /// Bits of a key that one round of the sort goes by.
 pub(in crate::backend) const DIGIT_BITS: u32 = 6;
-/// Distance of uniforms in their buffers, bytes; no device asks for more.
+/// Offsets of uniforms in their buffers are multiples of this, bytes; no device asks for more.
 pub(in crate::backend) const UNIFORM_STRIDE: u64 = 256;
-/// Strides that a [`CaptureSegment`] takes.
-pub(in crate::backend) const CAPTURE_STRIDES: usize = size_of::<CaptureSegment>().div_ceil(UNIFORM_STRIDE as usize);
+/// Views that a program binds: most groups of a round.
+pub(in crate::backend) const VIEWS: u32 = 128;
+/// Workgroups of a table of surfels, each with its segment and its place in the segment.
+pub(in crate::backend) const WORKGROUPS: usize = 2048;
+/// Surfels of a workgroup.
+pub(in crate::backend) const WORKGROUP_SURFELS: u32 = 256;
 
 /// The work of a dispatch: one group, one band of the image, one batch of surfels.
 #[repr(C)]
@@ -53,15 +58,25 @@ pub(in crate::backend) struct View {
     pub map_corner: [i32; 2],
     pub map_tiles: [u32; 2],
     pub sigma: f32,
-    pub unused: f32,
+    pub round_tiles: u32,
     pub first_place: u32,
     pub opaque_scale: f32,
     pub flags: u32,
-    pub slots_at_rest: u32,
+    pub rest: u32,
     pub environment: [f32; 4],
     pub pixel: f32,
     pub strip: f32,
     pub first: [u32; 2],
+    pub views: u32,
+    pub number: u32,
+    pub first_tile: u32,
+    pub first_slot: u32,
+    pub same_film: u32,
+    pub film_tile: u32,
+    pub first_segment: u32,
+    pub first_moment: u32,
+    pub walks: u32,
+    pub unused: [u32; 3],
 }
 
 /// Bits of [`View::flags`]. Thresholds hold opaque surfels.
@@ -70,14 +85,10 @@ pub(in crate::backend) const OPAQUE_SURFELS: u32 = 1;
 pub(in crate::backend) const SEE_THROUGH_SURFELS: u32 = 2;
 /// The slab of depth is the last one.
 pub(in crate::backend) const LAST_SLAB: u32 = 4;
-/// The groups of the position share what is at rest.
-pub(in crate::backend) const SHARES_REST: u32 = 8;
-/// The group is the first of them.
-pub(in crate::backend) const FIRST_OF_POSITION: u32 = 16;
-/// All of the group is in one batch.
-pub(in crate::backend) const ONE_BATCH: u32 = 32;
-/// The splats of what is at rest are those of the group before.
-pub(in crate::backend) const KEEPS_SPLATS: u32 = 64;
+/// The view is of what is at rest for several groups, and adds nothing to the film by itself.
+pub(in crate::backend) const IS_REST: u32 = 8;
+/// Tiles into which nothing of the view's own moves are those of the view at rest.
+pub(in crate::backend) const SHARES_TILES: u32 = 16;
 
 /// Kinds of [`Light`], the w of its vector. All others are point lights.
 pub(in crate::backend) const AMBIENT: f32 = 0.0;
@@ -94,7 +105,9 @@ pub(in crate::backend) const FLAG_LIT: u32 = 8;
 /// The layers of a volume stay those of the last projection.
 pub(in crate::backend) const FLAG_KEEP_LAYER: u32 = 16;
 
-/// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
+/// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample. The pose of centres,
+/// and their motion, are over an interval the mean place by Simpson's rule, and half the difference of the ends
+/// (docs/math.md, section 7).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Segment {
@@ -115,13 +128,6 @@ pub(in crate::backend) struct Segment {
     pub index: u32,
     pub first_light: u32,
     pub flags: u32,
-}
-
-/// Pose of a segment's centres, and their motion. Over an interval these are the mean place by Simpson's rule, and half
-/// the difference of the ends (docs/math.md, section 7).
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(in crate::backend) struct Travel {
     pub centre: [[f32; 4]; 3],
     pub motion: [[f32; 4]; 3],
     pub elapsed: [f32; 4],
@@ -129,7 +135,8 @@ pub(in crate::backend) struct Travel {
     pub turn: [[f32; 4]; 3],
     pub pace: f32,
     pub columns: u32,
-    pub unused: [u32; 2],
+    pub view: u32,
+    pub unused: u32,
 }
 
 /// A light of one sample.
@@ -197,7 +204,8 @@ pub(in crate::backend) struct DeviceBackground {
     pub shown: [f32; 4],
 }
 
-/// What the host reads after a frame: of pass `bin`, and the pixels that lack layers of see-through surfels.
+/// What the host reads after a frame (`shaders/bin.wgsl`): of pass `bin`, and the pixels that lack layers of
+/// see-through surfels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Status {
@@ -206,6 +214,34 @@ pub(in crate::backend) struct Status {
     pub splats_high: u32,
     pub left_out_low: u32,
     pub left_out_high: u32,
+    pub longest: u32,
+    pub chain_low: u32,
+    pub chain_high: u32,
+    pub walks: u32,
+    pub filled: f32,
+    pub last_walks: u32,
+    pub last_longest: u32,
+    pub last_tiles: u32,
+}
+
+/// Invocations that keep the machine busy that the counters speak of: an H100.
+pub(in crate::backend) const LARGE_GPU: f32 = 270_336.0;
+
+impl Status {
+    /// Entries of the longest list of all.
+    pub(in crate::backend) fn longest(&self) -> u64 {
+        u64::from(self.longest.max(self.last_longest))
+    }
+
+    /// What the passes were that walked over lists.
+    pub(in crate::backend) fn count(&self, calls: &mut GpuCalls) {
+        let before = u64::from(self.chain_high) << 32 | u64::from(self.chain_low);
+        let share = (self.last_tiles as f32 * TILE as f32 * TILE as f32 / LARGE_GPU).min(1.0);
+        calls.chain = before + u64::from(self.last_walks) * u64::from(self.last_longest);
+        calls.walks = u64::from(self.walks) + u64::from(self.last_walks);
+        let filled = f64::from(self.filled) + f64::from(self.last_walks) * f64::from(share);
+        calls.fill = if calls.walks > 0 { filled / calls.walks as f64 } else { 0.0 };
+    }
 }
 
 impl Segment {
@@ -226,6 +262,7 @@ impl Segment {
         let materials = object.material.is_none() && has_materials;
         let has_opacity = !surfels.opacity.is_empty();
         let columns = Vec3::new(object.opacity, object.reflection, 0.0);
+        let factors = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
             rate: rows(&posed.screen_rate, posed.screen_origin_rate),
@@ -236,15 +273,6 @@ impl Segment {
             handedness: posed.handedness,
             share,
             flags: u32::from(object.two_sided) | u32::from(materials) << 1 | u32::from(has_opacity) << 2 | turn << 3,
-            ..Self::zeroed()
-        }
-    }
-}
-
-impl Travel {
-    pub(in crate::backend) fn of(posed: &PosedObject, object: &FrameObject) -> Self {
-        let factors = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
-        Self {
             centre: rows(&posed.centre_from_model, posed.centre_origin),
             motion: rows(&posed.motion_from_model, posed.motion_origin),
             elapsed: factors(posed.elapsed),
@@ -252,7 +280,7 @@ impl Travel {
             turn: rows(&posed.normal_motion, Vec3::ZERO),
             pace: posed.pace,
             columns: 9 + 3 * object.shape.paths().order() as u32,
-            unused: [0; 2],
+            ..Self::zeroed()
         }
     }
 }
@@ -281,7 +309,6 @@ impl View {
             lights: middle.lights.len() as u32,
             blocks: blocks(frame),
             sigma: raster.sigma,
-            unused: 0.0,
             pixel: raster.pixel,
             strip: match raster.readout {
                 None => 0.0,

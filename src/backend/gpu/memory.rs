@@ -15,6 +15,8 @@ pub(in crate::backend) const LEAST_SLOTS: u64 = 1 << 16;
 pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 /// Bytes of an entry: tile and slot, twice, and its share of the histogram.
 const ENTRY_BYTES: u64 = 17;
+/// Tiles of a round, beside those of one group, that keep a device busy.
+const MOST_ROUND_TILES: u64 = 1 << 14;
 /// Bytes of a tile of the map beside its start: the map and thresholds.
 const MAP_TILE_BYTES: u64 = 2 * 4 * TILE_PIXELS + 4;
 /// Planes of the coverage mask of kernels in motion that are not published.
@@ -224,7 +226,11 @@ pub(in crate::backend) struct Schedule {
     pub band_rows: Vec<u32>,
     /// Most slots of a batch.
     pub slots: u64,
-    /// Most entries of a batch's lists that may be made room for.
+    /// Most groups, slots and tiles of a round: of groups that go through the passes together.
+    pub round_groups: u64,
+    pub round_slots: u64,
+    pub round_tiles: u64,
+    /// Most entries of a round's lists that may be made room for.
     pub most_entries: u64,
     /// Bytes of a tile's coverage mask; 0 without kernels in motion.
     pub mask_bytes: u64,
@@ -234,8 +240,6 @@ pub(in crate::backend) struct Schedule {
     pub gaussians: u64,
     /// Bytes of a tile of the opaque picture that what is transparent is laid over; 0 without.
     pub opaque_bytes: u64,
-    /// Bytes of what is known of a tile at rest, and of its film; 0 where no groups share what is at rest.
-    pub rest_bytes: u64,
     /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
     pub peeled_bytes: u64,
     pub layer_bytes: u64,
@@ -248,6 +252,8 @@ pub(in crate::backend) struct Limits {
     pub bytes: u64,
     /// Slots of a batch.
     pub slots: u64,
+    /// Groups of a round.
+    pub groups: u64,
 }
 
 impl Schedule {
@@ -272,7 +278,6 @@ impl Schedule {
                 None => 0,
             };
         let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
-        let rest_bytes = if shares_film(frame) { 4 + 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let see_through = DeviceChannels::see_through(frame);
         let sums = see_through.map_or(0, |own| own.sums()).max(channels.sums());
         let values = u64::from(see_through.map_or(0, |own| own.values).max(channels.values));
@@ -289,7 +294,7 @@ impl Schedule {
         let depth_bytes = nearest_bytes + if filtered { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
             let own = depth_bytes + 4 * TILE_PIXELS * sums as u64 + 4 + mask_bytes + peeled_bytes + layer_bytes;
-            own + opaque_bytes + rest_bytes + slice_bytes
+            own + opaque_bytes + slice_bytes
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
@@ -318,8 +323,9 @@ impl Schedule {
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film - gaussian_bytes;
         let most_planes = sums.max(planes.count) as u64;
-        let bound = most_bytes / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes);
-        let band_tiles = bound.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
+        let bound_of_tiles =
+            most_bytes / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes).max(depth_bytes);
+        let band_tiles = bound_of_tiles.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
             .iter()
             .map(|raster| {
@@ -348,7 +354,25 @@ impl Schedule {
         let fit = (left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES))
             .min(left.saturating_sub(LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / slot_bytes);
         let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
-        let most_entries = ((left.saturating_sub(slots * slot_bytes)) / ENTRY_BYTES)
+        // What is left beside the lists of a batch makes room for rounds, and for longer lists.
+        let each_slot = slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES;
+        let spare = left.saturating_sub(slots * each_slot + LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / 2;
+        let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest {
+            let (tile_bound, slot_bound) = (bound_of_tiles / band_tiles.max(1), bound / slots.max(1));
+            (1 + spare / (band_tiles * tile_bytes + slots * each_slot).max(1))
+                .min(1 + MOST_ROUND_TILES / band_tiles.max(1))
+                .min(limits.groups)
+                .min(tile_bound)
+                .min(slot_bound)
+                // What is at rest takes a place of its own.
+                .min(frame.positions().map(|position| position.groups.len() as u64 + 1).sum())
+                .max(1)
+        } else {
+            1
+        };
+        let left = left - (round_groups - 1) * band_tiles * tile_bytes;
+        let (round_slots, round_tiles) = (round_groups * slots, round_groups * band_tiles);
+        let most_entries = ((left.saturating_sub(round_slots * slot_bytes)) / ENTRY_BYTES)
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .max(gaussians)
             .min(most_bytes / 4)
@@ -364,12 +388,14 @@ impl Schedule {
             depth_bytes,
             band_rows,
             slots,
+            round_groups,
+            round_slots,
+            round_tiles,
             most_entries,
             mask_bytes,
             slice_bytes,
             gaussians,
             opaque_bytes,
-            rest_bytes,
             peeled_bytes,
             layer_bytes,
         })
@@ -383,10 +409,9 @@ impl Schedule {
     }
 }
 
-/// Do groups share the film of what is at rest? Those of several samples have weights in their coverage, and what is
-/// transparent needs the thresholds of each group.
-pub(in crate::backend) fn shares_film(frame: &Frame) -> bool {
-    frame.shares_rest() && frame.samples_of_a_group() == 1 && frame.blending.is_none()
+/// Do groups of a frame go through the passes together? Those that something transparent is laid over come one by one.
+pub(in crate::backend) fn makes_rounds(frame: &Frame) -> bool {
+    frame.swept.is_none() && frame.blending.is_none() && !frame.has_see_through()
 }
 
 /// Widest apron of see-through surfels.

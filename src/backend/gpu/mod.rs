@@ -2,7 +2,8 @@
 //!
 //! Surfels of a group are cut into batches, and the image into bands, so that every buffer fits. Nothing is read back
 //! before the frame is done. Lists are in global surfel order, and one invocation sums the floats of a pixel. So the
-//! same frame gives the same bytes on the same device. docs/gpu.md says what is on the device, and who writes it.
+//! same frame gives the same bytes on the same device. docs/gpu-passes.md says what is on the device, and who
+//! writes it.
 
 pub(super) mod batches;
 pub(super) mod bind;
@@ -23,12 +24,15 @@ pub(super) mod paint;
 pub(super) mod prepared;
 pub(super) mod programs;
 pub(super) mod record;
+pub(super) mod recorder;
+pub(super) mod rounds;
 mod see_through;
 pub(super) mod steps;
 #[cfg(test)]
 pub(super) mod tests;
 pub(super) mod timestamps;
 pub(super) mod transparent;
+pub(super) mod upload;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -38,6 +42,7 @@ use self::buffers::Buffers;
 use self::device::Device;
 pub use self::device::{AdapterReport, Choice, adapters};
 use self::flight::{Flight, Landing};
+use self::layout::VIEWS;
 use self::models::Models;
 use self::programs::Pipelines;
 use super::clusters::ClusterStore;
@@ -58,6 +63,10 @@ pub struct Gpu {
     pub(super) most_bytes: u64,
     /// Most slots of a batch. It shrinks when the lists of larger batches do not fit.
     pub(super) most_slots: u64,
+    /// Most turns of a program's loops.
+    pub(super) most_turns: u64,
+    /// Most groups of a round.
+    pub(super) most_groups: u64,
     /// Most entries to make room for, even if a program could bind more.
     pub(super) most_entries: u64,
     /// Most entries to make room for before it is known how many there are.
@@ -78,9 +87,9 @@ pub(in crate::backend) struct DeviceState {
     pub(super) buffers: Buffers,
 }
 
-/// Most slots of a batch on a software device. Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations
-/// in all, and the list of one tile may hold every slot of a batch.
-const SOFTWARE_SLOTS: u64 = 60_000;
+/// Most turns of a program's loops on a software device. Mesa's llvmpipe silently ends a shader's loops after 65,535
+/// iterations in all, and the list of one tile may hold every slot of a batch.
+const SOFTWARE_TURNS: u64 = 60_000;
 
 impl Gpu {
     /// Opens the best of the adapters that are wanted.
@@ -101,7 +110,9 @@ impl Gpu {
             state: DeviceState { device, pipelines, groups: BindGroups::default(), models: Models::default(), buffers },
             flights: VecDeque::new(),
             landings: Vec::new(),
-            most_slots: if software { SOFTWARE_SLOTS } else { u64::MAX },
+            most_slots: u64::MAX,
+            most_turns: if software { SOFTWARE_TURNS } else { u64::MAX },
+            most_groups: u64::from(VIEWS),
             most_entries: u64::MAX,
             first_entries: u64::MAX,
             wanted_entries: 0,
@@ -148,5 +159,18 @@ impl Backend for Gpu {
         }
         let flight = self.depart(frame)?;
         self.land(flight)
+    }
+
+    fn render_two(
+        &mut self,
+        frame: &dyn Fn(usize) -> Result<Frame, BackendError>,
+    ) -> Result<[Rendered; 2], BackendError> {
+        if self.stop.is_set() {
+            return Err(BackendError::Stopped);
+        }
+        // While the device renders one, the host makes and uploads the other.
+        let first = self.depart(frame(0)?)?;
+        let second = self.depart(frame(1)?)?;
+        Ok([self.land(first)?, self.land(second)?])
     }
 }

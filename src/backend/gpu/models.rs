@@ -13,15 +13,23 @@ use crate::model::paths::OwnPaths;
 use crate::model::{Gaussians, Surfels};
 use crate::scene::SurfelModel;
 
-/// Most surfels of a surfel buffer. One dispatch covers them along one axis.
+/// Most surfels of a surfel buffer.
 const MOST_SURFELS: u64 = 1 << 22;
+
+/// Bytes of uploads that may be under way together: they take memory beside the buffers.
+const UNDER_WAY: u64 = 64 << 20;
 
 /// The models that were uploaded.
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Models {
-    models: Vec<Model>,
+    surfels: Vec<Model>,
     captures: Vec<CaptureBuffers>,
+    under_way: UnderWay,
 }
+
+/// Bytes that were uploaded since the host last waited for the device.
+#[derive(Debug, Default)]
+struct UnderWay(u64);
 
 #[derive(Debug)]
 struct CaptureBuffers {
@@ -54,14 +62,27 @@ pub(in crate::backend) struct ModelBuffer {
     pub looks: Buffer,
 }
 
+impl UnderWay {
+    /// Takes note of a buffer that was uploaded, and waits for the device where too much is under way.
+    fn add(&mut self, device: &Device, uploaded: Option<&ModelBuffer>) -> Result<(), BackendError> {
+        self.0 += uploaded.map_or(0, |buffer| buffer.geometry.size() + buffer.looks.size());
+        if self.0 > UNDER_WAY {
+            device.submit([]);
+            device.wait()?;
+            self.0 = 0;
+        }
+        Ok(())
+    }
+}
+
 impl Models {
     /// Lets go of the buffers of models that nobody holds any more. True if there were some.
     pub(in crate::backend) fn free(&mut self) -> bool {
-        let before = self.models.len() + self.captures.len();
+        let before = self.surfels.len() + self.captures.len();
         let holds_paths = |model: &Model| model.own_paths.as_ref().is_none_or(|own| own.strong_count() > 0);
-        self.models.retain(|model| holds_paths(model) && model.surfels.strong_count() > 0);
+        self.surfels.retain(|model| holds_paths(model) && model.surfels.strong_count() > 0);
         self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
-        self.models.len() + self.captures.len() < before
+        self.surfels.len() + self.captures.len() < before
     }
 
     /// The buffers of surfels and their paths, with the normalisation of kernels if `normalised`. They are uploaded if
@@ -76,12 +97,12 @@ impl Models {
             let own = model.own_paths.as_ref().map(Weak::as_ptr);
             model.surfels.as_ptr() == Arc::as_ptr(of.surfels()) && own == of.own_paths().map(Arc::as_ptr)
         };
-        self.models.retain(|model| !(normalised && !model.normalised && is_of(model)));
-        if let Some(model) = self.models.iter().find(|model| is_of(model)) {
+        self.surfels.retain(|model| !(normalised && !model.normalised && is_of(model)));
+        if let Some(model) = self.surfels.iter().find(|model| is_of(model)) {
             return Ok(model.buffers.clone());
         }
-        let buffers = upload(device, of, normalised)?;
-        self.models.push(Model {
+        let buffers = upload(device, &mut self.under_way, of, normalised)?;
+        self.surfels.push(Model {
             surfels: Arc::downgrade(of.surfels()),
             own_paths: of.own_paths().map(Arc::downgrade),
             normalised,
@@ -100,13 +121,18 @@ impl Models {
         if let Some(capture) = self.captures.iter().find(same) {
             return Ok(capture.buffers.clone());
         }
-        let buffers = upload_gaussians(device, gaussians)?;
+        let buffers = upload_gaussians(device, &mut self.under_way, gaussians)?;
         self.captures.push(CaptureBuffers { gaussians: Arc::downgrade(gaussians), buffers: buffers.clone() });
         Ok(buffers)
     }
 }
 
-fn upload(device: &Device, model: &SurfelModel, normalised: bool) -> Result<Vec<ModelBuffer>, BackendError> {
+fn upload(
+    device: &Device,
+    under_way: &mut UnderWay,
+    model: &SurfelModel,
+    normalised: bool,
+) -> Result<Vec<ModelBuffer>, BackendError> {
     let (surfels, paths) = (model.surfels(), model.paths());
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
@@ -142,14 +168,16 @@ fn upload(device: &Device, model: &SurfelModel, normalised: bool) -> Result<Vec<
             geometry: columns(device, "surfels", &columns_of_geometry)?,
             looks: columns(device, "surfels", &looks)?,
         });
-        // Uploads under way take memory too, so surfel buffers go one at a time.
-        device.submit([]);
-        device.wait()?;
+        under_way.add(device, buffers.last())?;
     }
     Ok(buffers)
 }
 
-fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelBuffer>, BackendError> {
+fn upload_gaussians(
+    device: &Device,
+    under_way: &mut UnderWay,
+    gaussians: &Gaussians,
+) -> Result<Vec<ModelBuffer>, BackendError> {
     let each = gaussians.harmonics_each();
     // 44 bytes of geometry; colour, harmonics and normal of looks.
     let widest = (24 + 12 * each as u64).max(44);
@@ -173,21 +201,15 @@ fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelB
             geometry: columns(device, "captures", &geometry)?,
             looks: columns(device, "captures", &looks)?,
         });
-        // As for surfels.
-        device.submit([]);
-        device.wait()?;
+        under_way.add(device, buffers.last())?;
     }
     Ok(buffers)
 }
 
 /// A buffer of columns, one after the other.
 fn columns(device: &Device, label: &str, columns: &[&[u8]]) -> Result<Buffer, BackendError> {
-    let bytes: usize = columns.iter().map(|column| column.len()).sum();
-    let buffer = device.buffer(label, bytes as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-    let mut at = 0;
-    for column in columns {
-        device.write(&buffer, at, column);
-        at += column.len() as u64;
-    }
+    let bytes = columns.concat();
+    let buffer = device.buffer(label, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+    device.write(&buffer, 0, &bytes);
     Ok(buffer)
 }

@@ -3,15 +3,14 @@
 
 use wgpu::ComputePass;
 
-use super::batches::Batch;
-use super::bind::{Binder, ListPrograms, PaintPrograms};
+use super::bind::{Binder, BoundProgram, FilmPart, ListPrograms, PaintPrograms};
 use super::constants::{depth_constants, sum_constants, value_constants};
-use super::job::{Job, StepWork, dispatch, of_segments};
-use super::layout::SHARES_REST;
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
-use super::programs::{Constants, KernelKind, Program, Slot};
+use super::programs::{KernelKind, Program, Slot};
+use super::recorder::{StepWork, of_surfels};
 use super::timestamps::Stage;
+use super::upload::Placed;
 use crate::backend::BackendError;
 use crate::layout::{EwaSplat, Splat};
 use crate::plan::PaintPass;
@@ -47,7 +46,6 @@ impl Binder<'_> {
                 emit: self.program(Program::BinEmit, &vec![parts, ("PART", parts.1 - 1)], emitted, &[])?,
             },
             // The sorted lists are in the first buffers.
-            find_rest: self.program(Program::FindRest, &Constants::new(), 1, &[])?,
             visibility: self.program(Program::Visibility(kernel, self.device.lanes), &of_depths, 1, &depths)?,
             second,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
@@ -65,16 +63,12 @@ impl DeviceChannels {
 
 /// Step `Paint`, and instants of step `Published`.
 pub(in crate::backend) struct PaintStep<'a> {
-    pub job: Job<'a>,
     pub programs: &'a PaintPrograms,
+    pub film: &'a FilmPart,
 }
 
 impl StepWork for PaintStep<'_> {
     type Pass = PaintPass;
-
-    fn job(&self) -> &Job<'_> {
-        &self.job
-    }
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.lists
@@ -88,21 +82,22 @@ impl StepWork for PaintStep<'_> {
         }
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: PaintPass, batch: &Batch, view: u32) {
-        let (programs, tiles) = (self.programs, self.job.area.tiles);
+    fn record(&self, recorder: &mut ComputePass<'_>, pass: PaintPass, batch: &Placed) {
+        let programs = self.programs;
         match pass {
-            PaintPass::Visibility => {
-                if self.job.flags & SHARES_REST != 0 {
-                    dispatch(recorder, &programs.find_rest, [(tiles[0] * tiles[1]).div_ceil(256), 1], view);
-                }
-                dispatch(recorder, &programs.visibility, tiles, view);
-            }
-            PaintPass::Second => programs.second.iter().for_each(|program| dispatch(recorder, program, tiles, view)),
+            PaintPass::Visibility => of_views(recorder, &programs.visibility, batch),
+            PaintPass::Second => programs.second.iter().for_each(|program| of_views(recorder, program, batch)),
             PaintPass::Attribute => {
-                of_segments(recorder, &programs.splat_values, batch, view);
-                dispatch(recorder, &programs.attribute, tiles, view);
+                of_surfels(recorder, &programs.splat_values, batch);
+                of_views(recorder, &programs.attribute, batch);
             }
-            PaintPass::Resolve => dispatch(recorder, &self.job.place.film.resolve, tiles, view),
+            PaintPass::Resolve => of_views(recorder, &self.film.resolve, batch),
         }
     }
+}
+
+/// Records a workgroup for each tile of each view of a round.
+fn of_views(recorder: &mut ComputePass<'_>, program: &BoundProgram, batch: &Placed) {
+    let [x, y] = batch.tiles;
+    program.dispatch(recorder, &[batch.view], [x, y, batch.views]);
 }

@@ -4,14 +4,20 @@ use std::sync::Arc;
 
 use super::buffers::grow;
 use super::layout::{DeviceGaussian, TILE, wanted};
-use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
+use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule, makes_rounds};
 use super::models::ModelBuffer;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
-use crate::frame::{Frame, FrameObject, Raster};
+use crate::frame::{Frame, FrameObject, PosedGroup, Raster};
+use crate::plan::LAYERS;
 use crate::scene::SurfelModel;
+
+/// Most passes of a batch that record their times: of opaque surfels, and of see-through ones, whose lists are made
+/// again for each layer that reads them.
+const PASSES_OF_GROUP: u64 = 18;
+const PASSES_OF_LAYERS: u64 = 4 * (4 * LAYERS as u64 + 3);
 
 /// What stays the same while a frame is rendered.
 pub(in crate::backend) struct Prepared<'a> {
@@ -27,6 +33,10 @@ pub(in crate::backend) struct Prepared<'a> {
     /// The clusters of each object, where rasters show only a part of the image.
     pub clusters: Vec<Arc<Clusters>>,
     pub schedule: Schedule,
+    /// Bytes of a buffer that a program can bind.
+    pub most_bytes: u64,
+    /// Entries of the longest list that programs walk over to its end.
+    pub most_list: u64,
 }
 
 impl Gpu {
@@ -36,12 +46,15 @@ impl Gpu {
         let planes = frame.film_planes();
         // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
         // for them: a thousand kernels of a batch at one pixel, if each touches 32.
-        let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
         // Full EWA walks over a list twice, once for the band and once for the other layers.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
-        let needs_turns = software && (frame.slices() > 0 || layers > 1);
-        let slots = if needs_turns { (self.most_slots / 2).max(1) } else { self.most_slots };
-        let limits = Limits { bytes: self.most_bytes, slots };
+        let takes_two = frame.slices() > 0 || layers > 1;
+        let turns = if takes_two { self.most_turns / 2 } else { self.most_turns };
+        // The lists of opaque surfels at instants are watched instead: they hold a small part of a batch.
+        let watches = frame.swept.is_none() && frame.blending.is_none() && !frame.has_see_through();
+        let (slots, most_list) = if watches { (u64::MAX, turns) } else { (turns, u64::MAX) };
+        let slots = slots.min(self.most_slots);
+        let limits = Limits { bytes: self.most_bytes, slots, groups: self.most_groups };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, groups, buffers, .. } = &mut self.state;
@@ -55,7 +68,7 @@ impl Gpu {
         }
         if models.free() {
             // They would hold the memory of models until they are old.
-            groups.forget();
+            groups.forget_models();
         }
         let filters_all = frame.normalises();
         let filters = |model: &SurfelModel| {
@@ -74,7 +87,7 @@ impl Gpu {
         };
         let gaussian_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         buffers.fit(device, &schedule)?;
-        let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
+        let entries = (ENTRIES_PER_SLOT * schedule.round_slots).min(self.first_entries).max(self.wanted_entries);
         // The sort of Gaussians takes an entry for each.
         buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.gaussians))?;
         let wanted = wanted(frame);
@@ -83,7 +96,18 @@ impl Gpu {
         let strips = frame.rasters.len() as u32 > frame.stride * frame.stride;
         let in_part = (frame.wanted.is_some() || strips) && frame.swept.is_none();
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
-        Ok(Prepared { frame, channels, see_through, planes, surfel_buffers, gaussian_buffers, clusters, schedule })
+        Ok(Prepared {
+            frame,
+            channels,
+            see_through,
+            planes,
+            surfel_buffers,
+            gaussian_buffers,
+            clusters,
+            schedule,
+            most_bytes: self.most_bytes,
+            most_list,
+        })
     }
 }
 
@@ -114,11 +138,39 @@ impl Prepared<'_> {
         wanted.is_none_or(|blocks| blocks.touch(raster.first, [columns[0], columns[1], rows[0], rows[1]]))
     }
 
+    /// Most passes of the frame, as far as times are measured.
+    pub(in crate::backend) fn most_passes(&self) -> usize {
+        let Self { frame, schedule, .. } = self;
+        let surfels = frame.objects.iter().filter_map(|object| object.shape.surfels());
+        let surfels: u64 = surfels.map(|model| model.surfels().len() as u64).sum();
+        let of_group = |group: &PosedGroup| {
+            let samples = group.samples.len() as u64;
+            let batches = (samples * surfels).div_ceil(schedule.slots) + 1;
+            let slabs = schedule.gaussians.div_ceil(schedule.slots).max(1);
+            let layers = if self.see_through.is_some() { PASSES_OF_LAYERS } else { 0 };
+            let composite = if frame.blending.is_some() { samples * (4 + 3 * slabs) } else { 0 };
+            (PASSES_OF_GROUP + layers) * batches + composite
+        };
+        let of_bands: u64 = frame.positions().flat_map(|position| &position.groups).map(of_group).sum();
+        let bands = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
+        of_bands as usize * bands
+    }
+
+    /// Bytes of a tile of the film.
+    pub(in crate::backend) fn tile_bytes_of_film(&self) -> u64 {
+        u64::from(TILE * TILE) * 4 * self.planes.count as u64
+    }
+
+    /// Do programs bind the whole film? Then the groups of a round may be of several rasters.
+    pub(in crate::backend) fn binds_whole_film(&self) -> bool {
+        makes_rounds(self.frame) && self.schedule.film_bytes <= self.most_bytes
+    }
+
     /// First byte and length of each band's part of the film.
     pub(in crate::backend) fn film_parts(&self) -> Vec<(u64, u64)> {
         let mut parts = Vec::new();
         for (index, raster) in self.schedule.rasters.iter().enumerate() {
-            let row = u64::from(raster.tiles[0]) * u64::from(TILE * TILE) * 4 * self.planes.count as u64;
+            let row = u64::from(raster.tiles[0]) * self.tile_bytes_of_film();
             for band in self.schedule.bands(index) {
                 parts.push((4 * raster.start + u64::from(band.first_row) * row, u64::from(band.rows) * row));
             }

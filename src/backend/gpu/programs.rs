@@ -34,7 +34,6 @@ pub(in crate::backend) enum Slot {
     Sums = 20,
     Film = 21,
     Totals = 22,
-    Travels = 23,
     Map = 24,
     CoverageMask = 25,
     Moments = 26,
@@ -45,8 +44,6 @@ pub(in crate::backend) enum Slot {
     Peeled = 35,
     Layers = 36,
     Environment = 37,
-    Rest = 38,
-    RestFilm = 39,
 }
 
 /// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
@@ -71,7 +68,6 @@ pub(in crate::backend) enum Program {
     SortScan,
     SortScatter,
     BinStarts,
-    FindRest,
     Visibility(KernelKind, Lanes),
     Second(Lanes),
     SplatValues,
@@ -109,6 +105,8 @@ const LOW_PASS: &str = wgsl!("paint/unfiltered.wgsl", "published/low_pass.wgsl")
 const FILTERED: &str = wgsl!("paint/filtered.wgsl");
 const PROJECT: &str = wgsl!(
     "common/types.wgsl",
+    "common/views.wgsl",
+    "common/segment.wgsl",
     "common/fast.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
@@ -120,14 +118,16 @@ const PROJECT: &str = wgsl!(
     "paint/kernel.wgsl",
     "paint/project.wgsl",
 );
-const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
-const REST: &str = wgsl!("common/types.wgsl", "paint/rest.wgsl");
+const BIN: &str = wgsl!("common/types.wgsl", "common/views.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!(
     "common/types.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/wanted.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
+    "paint/walk.wgsl",
+    "paint/both_walks.wgsl",
     "common/depths.wgsl",
     "paint/kernel.wgsl",
     "paint/visibility.wgsl",
@@ -140,6 +140,8 @@ const SECOND_BY_PIXELS: &str =
     wgsl!("common/at_once.wgsl", "paint/discs_at_once.wgsl", "paint/second.wgsl", "paint/second_pixels.wgsl");
 const VALUES: &str = wgsl!(
     "common/types.wgsl",
+    "common/views.wgsl",
+    "common/segment.wgsl",
     "common/fast.wgsl",
     "common/channels.wgsl",
     "common/shading.wgsl",
@@ -149,10 +151,13 @@ const VALUES: &str = wgsl!(
 );
 const ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/channels.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
+    "paint/walk.wgsl",
+    "paint/both_walks.wgsl",
     "common/depths.wgsl",
     "paint/kernel.wgsl",
     "paint/sums.wgsl",
@@ -162,16 +167,20 @@ const ATTRIBUTE_BY_QUADS: &str = wgsl!("paint/attribute_quads.wgsl");
 const ATTRIBUTE_BY_PIXELS: &str = wgsl!("common/at_once.wgsl", "paint/attribute_pixels.wgsl");
 const RESOLVE: &str = wgsl!(
     "common/types.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/channels.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
     "common/depths.wgsl",
     "resolve.wgsl",
+    "paint/walk.wgsl",
     "paint/resolve.wgsl",
 );
 const SWEEP: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
+    "common/segment.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/swept.wgsl",
@@ -182,6 +191,7 @@ const SWEEP: &str = wgsl!(
 );
 const SWEPT_VISIBILITY: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/swept_filter.wgsl",
@@ -192,6 +202,7 @@ const SWEPT_VISIBILITY: &str = wgsl!(
 );
 const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/swept_filter.wgsl",
@@ -202,9 +213,11 @@ const SWEPT_ATTRIBUTE: &str = wgsl!(
     "swept/sums.wgsl",
     "swept/attribute.wgsl",
 );
-const MAP: &str = wgsl!("common/types.wgsl", "published/map.wgsl");
+const MAP: &str = wgsl!("common/types.wgsl", "common/view.wgsl", "published/map.wgsl");
 const PUBLISHED_SWEEP: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
+    "common/segment.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/swept.wgsl",
@@ -215,6 +228,7 @@ const PUBLISHED_SWEEP: &str = wgsl!(
 );
 const PUBLISHED_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/swept_splat.wgsl",
@@ -227,6 +241,7 @@ const PUBLISHED_ATTRIBUTE: &str = wgsl!(
 );
 const SWEPT_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
@@ -237,6 +252,7 @@ const SWEPT_RESOLVE: &str = wgsl!(
 );
 const PUBLISHED_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
@@ -247,6 +263,7 @@ const PUBLISHED_RESOLVE: &str = wgsl!(
 );
 const GAUSSIAN_PROJECT: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/srgb.wgsl",
@@ -258,6 +275,7 @@ const GAUSSIAN_PROJECT: &str = wgsl!(
 );
 const GATHER: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/gaussian.wgsl",
@@ -265,6 +283,7 @@ const GATHER: &str = wgsl!(
 );
 const COMPOSITE: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/wanted.wgsl",
     "common/hit.wgsl",
@@ -276,6 +295,7 @@ const COMPOSITE: &str = wgsl!(
 );
 const TRANSPARENT_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/srgb.wgsl",
     "common/wanted.wgsl",
@@ -284,6 +304,7 @@ const TRANSPARENT_RESOLVE: &str = wgsl!(
 
 const PEEL: &str = wgsl!(
     "common/types.wgsl",
+    "common/view.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
@@ -325,7 +346,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 45] = [
+    pub(in crate::backend) const ALL: [Self; 44] = [
         Self::Project(KernelKind::Disc),
         Self::Project(KernelKind::LowPass),
         Self::Project(KernelKind::Filtered),
@@ -336,7 +357,6 @@ impl Program {
         Self::SortScan,
         Self::SortScatter,
         Self::BinStarts,
-        Self::FindRest,
         Self::Visibility(KernelKind::Disc, Lanes::Quads),
         Self::Visibility(KernelKind::Disc, Lanes::Pixels),
         Self::Visibility(KernelKind::LowPass, Lanes::Quads),
@@ -408,7 +428,6 @@ impl Program {
             | Self::SortCount
             | Self::SortScan
             | Self::SortScatter => BIN,
-            Self::FindRest => REST,
             Self::Visibility(..) | Self::Second(_) => VISIBILITY,
             Self::SplatValues => VALUES,
             Self::Attribute(..) => ATTRIBUTE,
@@ -439,7 +458,6 @@ impl Program {
             Self::SortScan => "sort_scan",
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
-            Self::FindRest => "find_rest",
             Self::Visibility(..) => "visibility",
             Self::Second(_) => "second",
             Self::SplatValues => "splat_values",
@@ -467,25 +485,24 @@ impl Program {
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
             CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers, Lights, List,
-            Looks, Map, Moments, Opaque, Order, Partials, Peeled, Rest, RestFilm, Segments, SortedKeys, SortedList,
-            Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals,
+            Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats, Starts,
+            Status, Sums, Thresholds, Totals, Touched, Values, Wanted, Wide, WrittenTotals,
         };
         match self {
-            Self::Project(_) | Self::Sweep | Self::PublishedSweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
+            Self::Project(_) | Self::Sweep | Self::PublishedSweep => {
+                (&[Geometry, Segments, Wanted], &[Splats, Touched])
+            }
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
             Self::BinEmit => (&[Splats, Touched, Totals, Wanted], &[Partials, Keys, List, Wide]),
             Self::SortCount => (&[Totals, SortedKeys], &[Histogram]),
             Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
-            Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
-            Self::FindRest => (&[List, Wide, Starts], &[Rest]),
-            Self::Visibility(..) | Self::Second(_) => {
-                (&[Segments, Splats, List, Wide, Starts, Wanted, Rest], &[Thresholds])
-            }
-            Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[Values]),
+            Self::BinStarts => (&[Totals, SortedKeys], &[Wide, Starts, Status]),
+            Self::Visibility(..) | Self::Second(_) => (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds]),
+            Self::SplatValues => (&[Geometry, Looks, Segments, Lights, Splats, Touched, Environment], &[Values]),
             Self::Attribute(..) => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
-            Self::Resolve => (&[Lights, Thresholds, Sums, Environment, Rest], &[Film, RestFilm]),
+            Self::Resolve => (&[Lights, Thresholds, Sums, Environment, Starts], &[Film]),
             Self::StoreMap => (&[Thresholds], &[Map]),
             Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
             Self::SweptAttribute | Self::PublishedAttribute => {
@@ -506,8 +523,8 @@ impl Program {
         }
     }
 
-    /// True if the program has a second uniform, the segment or the background.
-    pub(in crate::backend) const fn has_segment(self) -> bool {
+    /// True if the program has a second uniform: a table of workgroups, a capture's segment, or the background.
+    pub(in crate::backend) const fn has_second_uniform(self) -> bool {
         matches!(
             self,
             Self::Project(_)
@@ -536,7 +553,7 @@ pub(in crate::backend) struct Pipelines {
 
 #[derive(Clone, Debug)]
 pub(in crate::backend) struct Layouts {
-    /// View and, where the program has one, segment.
+    /// View and, where the program has one, its second uniform.
     pub uniforms: BindGroupLayout,
     pub buffers: BindGroupLayout,
 }
@@ -626,5 +643,5 @@ fn layouts(device: &Device, program: Program) -> Layouts {
             slots.iter().map(move |&slot| entry(slot as u32, BufferBindingType::Storage { read_only }, false))
         })
         .collect();
-    Layouts { uniforms: make(&uniforms[..if program.has_segment() { 2 } else { 1 }]), buffers: make(&buffers) }
+    Layouts { uniforms: make(&uniforms[..if program.has_second_uniform() { 2 } else { 1 }]), buffers: make(&buffers) }
 }

@@ -5,16 +5,14 @@
 
 use wgpu::ComputePass;
 
-use super::DeviceState;
-use super::batches::Batch;
 use super::bind::{Binder, ListPrograms, SeeThroughPrograms};
 use super::constants::peel_constants;
-use super::job::{Job, JobPlace, StepWork, dispatch, of_segments};
-use super::layout::OPAQUE_SURFELS;
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
 use super::programs::{KernelKind, Program, Slot};
-use super::timestamps::{Marks, Stage};
+use super::recorder::{StepWork, dispatch, of_surfels};
+use super::timestamps::Stage;
+use super::upload::Placed;
 use crate::backend::BackendError;
 use crate::plan::LayerPass;
 
@@ -39,37 +37,15 @@ impl Binder<'_> {
     }
 }
 
-impl DeviceState {
-    /// Peels off the layers of see-through surfels of a group. False if it has none.
-    pub(in crate::backend) fn see_through(
-        &self,
-        place: JobPlace<'_>,
-        group: usize,
-        has_opaque: bool,
-        marks: &mut Marks,
-    ) -> bool {
-        let Some(programs) = place.programs.see_through.as_ref() else { return false };
-        let job = Job { flags: u32::from(has_opaque) * OPAQUE_SURFELS, ..place.paint_job(group, true) };
-        let in_one_batch = place.batches(&job).len() == 1;
-        let step = SeeThroughStep { job, programs, in_one_batch };
-        self.run(&step, &LayerPass::order(place.prepared.frame.has_layers(true)), marks)
-    }
-}
-
 /// The layers of one group.
-struct SeeThroughStep<'a> {
-    job: Job<'a>,
-    programs: &'a SeeThroughPrograms,
+pub(super) struct SeeThroughStep<'a> {
+    pub programs: &'a SeeThroughPrograms,
     /// If so, the attributes of its splats stay from layer to layer.
-    in_one_batch: bool,
+    pub in_one_batch: bool,
 }
 
 impl StepWork for SeeThroughStep<'_> {
     type Pass = LayerPass;
-
-    fn job(&self) -> &Job<'_> {
-        &self.job
-    }
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.paint.lists
@@ -85,15 +61,16 @@ impl StepWork for SeeThroughStep<'_> {
         }
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: LayerPass, batch: &Batch, view: u32) {
-        let (SeeThroughPrograms { start, paint, resolve, left_out }, tiles) = (self.programs, self.job.area.tiles);
+    fn record(&self, recorder: &mut ComputePass<'_>, pass: LayerPass, batch: &Placed) {
+        let SeeThroughPrograms { start, paint, resolve, left_out } = self.programs;
+        let (tiles, view) = (batch.tiles, batch.view);
         match pass {
             LayerPass::Start => dispatch(recorder, start, tiles, view),
             LayerPass::Visibility(_) => dispatch(recorder, &paint.visibility, tiles, view),
             LayerPass::Second(_) => paint.second.iter().for_each(|program| dispatch(recorder, program, tiles, view)),
             LayerPass::Attribute(layer) => {
                 if layer == 0 || !self.in_one_batch {
-                    of_segments(recorder, &paint.splat_values, batch, view);
+                    of_surfels(recorder, &paint.splat_values, batch);
                 }
                 dispatch(recorder, &paint.attribute, tiles, view);
             }

@@ -3,24 +3,20 @@
 
 use wgpu::ComputePass;
 
-use super::batches::Batch;
-use super::bind::{ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
-use super::job::{Job, StepWork, dispatch, of_segments};
+use super::bind::{FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
+use super::recorder::{StepWork, dispatch, of_surfels};
 use super::timestamps::Stage;
+use super::upload::Placed;
 use crate::plan::{MapPass, PublishedSweepPass, SweepPass};
 
 /// Step `Sweep`.
 pub(in crate::backend) struct SweepStep<'a> {
-    pub job: Job<'a>,
+    pub film: &'a FilmPart,
     pub programs: &'a SweptPrograms,
 }
 
 impl StepWork for SweepStep<'_> {
     type Pass = SweepPass;
-
-    fn job(&self) -> &Job<'_> {
-        &self.job
-    }
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.lists
@@ -34,31 +30,26 @@ impl StepWork for SweepStep<'_> {
         }
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Batch, view: u32) {
-        let tiles = self.job.area.tiles;
+    fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Placed) {
+        let (tiles, view) = (batch.tiles, batch.view);
         match pass {
             SweepPass::Visibility => dispatch(recorder, &self.programs.visibility, tiles, view),
             SweepPass::Attribute => {
-                of_segments(recorder, &self.programs.splat_values, batch, view);
+                of_surfels(recorder, &self.programs.splat_values, batch);
                 dispatch(recorder, &self.programs.attribute, tiles, view);
             }
-            SweepPass::Resolve => dispatch(recorder, &self.job.place.film.resolve, tiles, view),
+            SweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
         }
     }
 }
 
 /// The map of step `Published`.
 pub(in crate::backend) struct MapStep<'a> {
-    pub job: Job<'a>,
     pub programs: &'a MapPrograms,
 }
 
 impl StepWork for MapStep<'_> {
     type Pass = MapPass;
-
-    fn job(&self) -> &Job<'_> {
-        &self.job
-    }
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.lists
@@ -68,27 +59,23 @@ impl StepWork for MapStep<'_> {
         Stage::Visibility
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: MapPass, _batch: &Batch, view: u32) {
+    fn record(&self, recorder: &mut ComputePass<'_>, pass: MapPass, batch: &Placed) {
         let program = match pass {
             MapPass::Visibility => &self.programs.visibility,
             MapPass::Store => &self.programs.store,
         };
-        dispatch(recorder, program, self.job.area.tiles, view);
+        dispatch(recorder, program, batch.tiles, batch.view);
     }
 }
 
 /// An interval of step `Published`.
 pub(in crate::backend) struct PublishedSweepStep<'a> {
-    pub job: Job<'a>,
+    pub film: &'a FilmPart,
     pub programs: &'a PublishedPrograms,
 }
 
 impl StepWork for PublishedSweepStep<'_> {
     type Pass = PublishedSweepPass;
-
-    fn job(&self) -> &Job<'_> {
-        &self.job
-    }
 
     fn lists(&self) -> &ListPrograms {
         &self.programs.lists
@@ -101,14 +88,14 @@ impl StepWork for PublishedSweepStep<'_> {
         }
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: PublishedSweepPass, batch: &Batch, view: u32) {
-        let tiles = self.job.area.tiles;
+    fn record(&self, recorder: &mut ComputePass<'_>, pass: PublishedSweepPass, batch: &Placed) {
+        let (tiles, view) = (batch.tiles, batch.view);
         match pass {
             PublishedSweepPass::Attribute => {
-                of_segments(recorder, &self.programs.splat_values, batch, view);
+                of_surfels(recorder, &self.programs.splat_values, batch);
                 dispatch(recorder, &self.programs.attribute, tiles, view);
             }
-            PublishedSweepPass::Resolve => dispatch(recorder, &self.job.place.film.resolve, tiles, view),
+            PublishedSweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
         }
     }
 }

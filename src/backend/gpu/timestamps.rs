@@ -89,6 +89,11 @@ impl Marks {
         })
     }
 
+    /// Are there as many passes since the last `collect` as can be measured?
+    pub(in crate::backend) fn is_full(&self) -> bool {
+        2 * self.pending.len() + 2 > MARKS as usize
+    }
+
     /// Collects the marks of a submission at its end.
     pub(in crate::backend) fn collect(&mut self, encoder: &mut CommandEncoder) {
         let count = 2 * self.pending.len() as u32;

@@ -9,32 +9,37 @@
 
 use std::f32::consts::{LOG2_E, TAU};
 
-use bytemuck::Zeroable;
-use glam::{DVec3, Vec3};
-use wgpu::{CommandEncoder, ComputePassDescriptor};
-
+#[cfg(test)]
 use super::DeviceState;
-use super::bind::{Binder, BoundProgram, TransparentPrograms};
-use super::captures::{Run, runs, segment_at};
+use super::bind::{Binder, BoundProgram, FilmPart, TransparentPrograms};
+use super::captures::{Run, runs};
 use super::constants::{composite_constants, transparent_resolve_constants};
-use super::job::{JobPlace, dispatch, group_scale, view_offset};
+use super::job::{JobPlace, group_scale};
 use super::layout::{
     CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
-    FLAG_LIT, FLAG_VOLUME, LAST_SLAB, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights, rows,
+    FLAG_LIT, FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
-use super::timestamps::{Marks, Stage};
+use super::recorder::{Recorder, dispatch, lists};
+#[cfg(test)]
+use super::timestamps::Marks;
+use super::timestamps::Stage;
+use super::upload::{Placed, Upload};
 use crate::backend::BackendError;
 use crate::film::{Aov, Blending};
 use crate::frame::{Frame, PosedGroup};
 use crate::math::srgb;
 use crate::plan::{CompositePass, SlabPass};
+use bytemuck::Zeroable;
+use glam::{DVec3, Vec3};
 
 /// Variance by which the filter widens a Gaussian, pixels^2 of the image (Kerbl et al. 2023, their program).
 const DILATION: f32 = 0.3;
 /// The derivative of the projection is taken no farther from the axis than this many half fields of view.
 const FIELD: f32 = 1.3;
+/// Bytes of the totals of a sort.
+const TOTALS_BYTES: u64 = size_of::<[u32; 4]>() as u64;
 /// Bits of a depth.
 const DEPTH_BITS: u32 = 32;
 /// The sort of depths begins and ends in the first buffers.
@@ -73,13 +78,14 @@ impl Binder<'_> {
     }
 }
 
-/// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection.
+/// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection;
+/// `light`: the group's first light.
 fn segment(
     place: &JobPlace<'_>,
     group: &PosedGroup,
     sample: usize,
     run: &Run<'_>,
-    keeps_layers: bool,
+    (keeps_layers, light): (bool, u32),
 ) -> CaptureSegment {
     let (frame, raster) = (place.prepared.frame, &place.position.raster);
     let object = &frame.objects[run.object];
@@ -125,7 +131,7 @@ fn segment(
         normal: rows(&posed.normal_matrix, Vec3::ZERO),
         world: rows(&posed.world_from_model, posed.world_origin),
         material: coefficients(object.material.unwrap_or_default()),
-        first_light: (sample * lights) as u32,
+        first_light: light + (sample * lights) as u32,
         lights: lights as u32,
         ..CaptureSegment::zeroed()
     }
@@ -149,165 +155,188 @@ fn backdrop(frame: &Frame) -> DeviceBackground {
     }
 }
 
-/// Step `Composite` of one group.
+/// Step `Composite` of one group, whose samples are uploaded.
+#[derive(Debug)]
 pub(in crate::backend) struct TransparentStep<'a> {
-    place: JobPlace<'a>,
-    group: &'a PosedGroup,
-    programs: &'a TransparentPrograms,
-    /// Which surfels there are, in bits of [`View::flags`].
-    surfels: u32,
     runs: Vec<Run<'a>>,
-    /// Gaussians of all runs.
-    slots: u32,
+    samples: Vec<PlacedSample>,
+    tiles: [u32; 2],
+}
+
+/// A sample of a group, as it was uploaded. Places are those of uniforms.
+#[derive(Debug)]
+struct PlacedSample {
+    /// The view of all Gaussians.
+    view: u32,
+    /// Slabs of depth, the nearest first.
+    slabs: Vec<Placed>,
+    backdrop: u32,
+    /// The segments of runs: at the group's middle, and at the sample.
+    middle: Vec<u32>,
+    own: Vec<u32>,
+    /// The totals of the sort of depths.
+    totals: u32,
 }
 
 impl<'a> TransparentStep<'a> {
+    /// Uploads a group. `surfels`: which surfels there are, in bits of [`View::flags`].
     pub(in crate::backend) fn new(
         place: JobPlace<'a>,
         group: usize,
-        programs: &'a TransparentPrograms,
         surfels: u32,
+        entries: u64,
+        upload: &mut Upload,
     ) -> Self {
         let group = &place.position.groups[group];
         let (runs, slots) = runs(place.prepared, group);
-        Self { place, group, programs, surfels, runs, slots }
+        let light = upload.add_lights(&group.samples);
+        let of = Uploaded { place, group, runs: &runs, slots, surfels, light, entries };
+        let middle = group.samples.len() / 2;
+        let samples = (0..group.samples.len()).map(|sample| of.sample([middle, sample], upload)).collect();
+        Self { samples, tiles: place.area().tiles, runs }
     }
 
-    /// Records and submits all passes of all samples. A group has the order of its middle.
-    pub(in crate::backend) fn run(&self, state: &DeviceState, marks: &mut Marks) {
-        let samples = self.group.samples.len();
-        let middle = samples / 2;
-        for sample in 0..samples {
-            let slabs = self.upload(state, sample, middle);
-            let mut encoder = state.encoder();
-            for pass in CompositePass::order(sample == 0, samples > 1) {
+    /// Records all passes of all samples. A group has the order of its middle.
+    pub(in crate::backend) fn run(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, film: &FilmPart) {
+        for (number, sample) in self.samples.iter().enumerate() {
+            for pass in CompositePass::order(number == 0, self.samples.len() > 1) {
                 match pass {
-                    CompositePass::ProjectMiddle => self.project(&mut encoder, 0, marks),
-                    CompositePass::Sort => self.sort(state, &mut encoder, marks),
-                    CompositePass::Project => self.project(&mut encoder, 1, marks),
+                    CompositePass::ProjectMiddle => self.project(recorder, programs, sample.view, &sample.middle),
+                    CompositePass::Sort => self.sort(recorder, programs, sample),
+                    CompositePass::Project => self.project(recorder, programs, sample.view, &sample.own),
                     CompositePass::Composite => {
                         // Lists of a slab are composited before those of the next are made.
-                        for (number, slab) in (1..).zip(&slabs) {
-                            self.list(state, &mut encoder, slab, number, marks);
-                            for pass in SlabPass::order(number == slabs.len()) {
+                        for (number, slab) in (1..).zip(&sample.slabs) {
+                            list(recorder, programs, slab);
+                            for pass in SlabPass::order(number == sample.slabs.len()) {
                                 match pass {
-                                    SlabPass::Composite => self.composite(&mut encoder, number, marks),
-                                    SlabPass::Resolve => self.resolve(&mut encoder, marks),
+                                    SlabPass::Composite => {
+                                        let mut pass = recorder.pass(Stage::Composite);
+                                        dispatch(&mut pass, &programs.composite, slab.tiles, slab.view);
+                                    }
+                                    SlabPass::Resolve => self.resolve(recorder, film, sample),
                                 }
                             }
                         }
                     }
                 }
             }
-            state.flush(&mut encoder, marks);
-        }
-    }
-
-    /// Uploads views and segments. Returns the views of slabs; they come after the one of all.
-    pub(in crate::backend) fn upload(&self, state: &DeviceState, sample: usize, middle: usize) -> Vec<View> {
-        let (prepared, raster) = (self.place.prepared, &self.place.position.raster);
-        let (frame, area) = (prepared.frame, self.place.area());
-        let all = View {
-            pixels: area.pixels.to_array(),
-            corner: area.corner,
-            tiles: area.tiles,
-            first_tile_row: area.first_tile_row,
-            entry_capacity: state.buffers.entries.min(u64::from(u32::MAX)) as u32,
-            slots: self.slots,
-            weight: self.group.samples[sample].weight,
-            flags: self.surfels,
-            opaque_scale: group_scale(self.group),
-            ..View::of(frame, raster, self.group, &prepared.channels.shared)
-        };
-        let most = prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
-        let slab = |first: u32| View {
-            first_place: first,
-            slots: most.min(self.slots - first),
-            resumes: u32::from(first > 0),
-            flags: all.flags | (u32::from(first.saturating_add(most) >= self.slots) * LAST_SLAB),
-            ..all
-        };
-        // A group without Gaussians has a slab, too: its opaque picture goes to the film.
-        let slabs: Vec<View> = (0..self.slots.max(1)).step_by(most as usize).map(slab).collect();
-        let (mut views, mut segments) = (Vec::new(), Vec::new());
-        let pad = |bytes: &mut Vec<u8>| bytes.resize(bytes.len().next_multiple_of(UNIFORM_STRIDE as usize), 0);
-        for view in [all].iter().chain(&slabs) {
-            views.extend_from_slice(bytemuck::bytes_of(view));
-            pad(&mut views);
-        }
-        segments.extend_from_slice(bytemuck::bytes_of(&backdrop(frame)));
-        pad(&mut segments);
-        for (sample, keeps_layers) in [(middle, false), (sample, true)] {
-            for run in &self.runs {
-                let segment = segment(&self.place, self.group, sample, run, keeps_layers);
-                segments.extend_from_slice(bytemuck::bytes_of(&segment));
-                pad(&mut segments);
+            if recorder.marks.is_full() {
+                recorder.flush();
             }
         }
-        // Totals for the sort of depths; pass `bin` writes its own.
-        let totals = [self.slots.div_ceil(WORKGROUP_ITEMS), 1, 1, self.slots];
-        let device = &state.device;
-        device.write(&state.buffers.views, 0, &views);
-        device.write(&state.buffers.segments, 0, &segments);
-        device.write(&state.buffers.totals, 0, bytemuck::cast_slice(&totals));
-        device.write(&state.buffers.lights, 0, bytemuck::cast_slice(&lights(&self.group.samples)));
-        slabs
     }
 
-    /// Records pass `project`: of the middle for `set` 0, of the sample for 1.
-    pub(in crate::backend) fn project(&self, encoder: &mut CommandEncoder, set: usize, marks: &mut Marks) {
-        let timestamp_writes = marks.mark(Stage::Project);
-        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        for (number, run) in self.runs.iter().enumerate() {
-            let segment = segment_at(set * self.runs.len() + number);
-            let program = &self.programs.project[run.object][run.buffer];
-            program.dispatch(&mut recorder, &[0, view_offset(segment)], [run.count.div_ceil(256), 1]);
+    /// Records pass `project` of the runs whose segments are at these places.
+    fn project(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, view: u32, segments: &[u32]) {
+        let mut pass = recorder.pass(Stage::Project);
+        for (run, &segment) in self.runs.iter().zip(segments) {
+            let program = &programs.project[run.object][run.buffer];
+            program.dispatch(&mut pass, &[view, segment], [run.count.div_ceil(256), 1, 1]);
         }
     }
 
     /// Records pass `sort`, by the depths that were projected last.
-    pub(in crate::backend) fn sort(&self, state: &DeviceState, encoder: &mut CommandEncoder, marks: &mut Marks) {
-        if self.slots == 0 {
+    fn sort(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, sample: &PlacedSample) {
+        let slots: u32 = self.runs.iter().map(|run| run.count).sum();
+        if slots == 0 {
             return;
         }
-        let timestamp_writes = marks.mark(Stage::Sort);
-        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        state.sort(&mut recorder, &self.programs.sort, 0);
-        drop(recorder);
+        let state = recorder.state;
         let b = &state.buffers;
-        encoder.copy_buffer_to_buffer(&b.lists[0], 0, &b.order, 0, 4 * u64::from(self.slots));
-    }
-
-    /// Records pass `bin` of a slab, whose view is `number`: gathers its splats in the order of depth, and lists them.
-    pub(in crate::backend) fn list(
-        &self,
-        state: &DeviceState,
-        encoder: &mut CommandEncoder,
-        slab: &View,
-        number: usize,
-        marks: &mut Marks,
-    ) {
-        let timestamp_writes = marks.mark(Stage::Bin);
-        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        let groups = [slab.slots.div_ceil(WORKGROUP_ITEMS), 1];
-        dispatch(&mut recorder, &self.programs.gather, groups, view_offset(number));
-        let programs = self.place.programs;
-        state.lists(&mut recorder, programs, &self.programs.emit, slab.slots, slab.tiles, view_offset(number));
-    }
-
-    /// Records pass `composite` of a slab, whose view is `number`.
-    pub(in crate::backend) fn composite(&self, encoder: &mut CommandEncoder, number: usize, marks: &mut Marks) {
-        let timestamp_writes = marks.mark(Stage::Composite);
-        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        dispatch(&mut recorder, &self.programs.composite, self.place.area().tiles, view_offset(number));
+        // Pass `bin` writes its own.
+        recorder.encoder.copy_buffer_to_buffer(&b.uniforms, u64::from(sample.totals), &b.totals, 0, TOTALS_BYTES);
+        state.sort(&mut recorder.pass(Stage::Sort), &programs.sort, sample.view);
+        recorder.encoder.copy_buffer_to_buffer(&b.lists[0], 0, &b.order, 0, 4 * u64::from(slots));
     }
 
     /// Records pass `resolve`.
-    fn resolve(&self, encoder: &mut CommandEncoder, marks: &mut Marks) {
-        let timestamp_writes = marks.mark(Stage::Resolve);
-        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        if let Some(over) = &self.place.film.over {
-            over.dispatch(&mut recorder, &[0, 0], self.place.area().tiles);
+    fn resolve(&self, recorder: &mut Recorder<'_>, film: &FilmPart, sample: &PlacedSample) {
+        let mut pass = recorder.pass(Stage::Resolve);
+        if let Some(over) = &film.over {
+            over.dispatch(&mut pass, &[sample.view, sample.backdrop], [self.tiles[0], self.tiles[1], 1]);
+        }
+    }
+}
+
+/// Records pass `bin` of a slab: gathers its splats in the order of depth, and lists them.
+fn list(recorder: &mut Recorder<'_>, programs: &TransparentPrograms, slab: &Placed) {
+    let (state, bin) = (recorder.state, &recorder.programs.bin);
+    let mut pass = recorder.pass(Stage::Bin);
+    dispatch(&mut pass, &programs.gather, [slab.slots.div_ceil(WORKGROUP_ITEMS), 1], slab.view);
+    lists(state, &mut pass, bin, &programs.emit, slab);
+}
+
+/// A group that is uploaded, sample by sample.
+#[derive(Clone, Copy)]
+struct Uploaded<'a> {
+    place: JobPlace<'a>,
+    group: &'a PosedGroup,
+    runs: &'a [Run<'a>],
+    /// Gaussians of all runs.
+    slots: u32,
+    surfels: u32,
+    /// Its first light.
+    light: u32,
+    /// Entries that there is room for.
+    entries: u64,
+}
+
+impl Uploaded<'_> {
+    /// Uploads a sample, in the order of depth of sample `middle`.
+    fn sample(&self, [middle, sample]: [usize; 2], upload: &mut Upload) -> PlacedSample {
+        let (prepared, raster) = (self.place.prepared, &self.place.position.raster);
+        let (frame, area) = (prepared.frame, self.place.area());
+        let of_group = View::of(frame, raster, self.group, &prepared.channels.shared);
+        let all = View {
+            pixels: area.pixels.to_array(),
+            corner: area.corner,
+            tiles: area.tiles,
+            round_tiles: area.tiles[0] * area.tiles[1],
+            views: 1,
+            same_film: 1,
+            walks: 1,
+            first_tile_row: area.first_tile_row,
+            entry_capacity: self.entries.min(u64::from(u32::MAX)) as u32,
+            slots: self.slots,
+            weight: self.group.samples[sample].weight,
+            flags: self.surfels,
+            opaque_scale: group_scale(self.group),
+            first_light: self.light + of_group.first_light,
+            ..of_group
+        };
+        let most = prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
+        let mut slab = |first: u32| {
+            let view = View {
+                first_place: first,
+                slots: most.min(self.slots - first),
+                resumes: u32::from(first > 0),
+                flags: all.flags | (u32::from(first.saturating_add(most) >= self.slots) * LAST_SLAB),
+                ..all
+            };
+            Placed {
+                view: upload.add_views(&[view]),
+                views: 1,
+                slots: view.slots,
+                tiles: view.tiles,
+                round_tiles: view.round_tiles,
+                surfels: Vec::new(),
+            }
+        };
+        // A group without Gaussians has a slab, too: its opaque picture goes to the film.
+        let slabs = (0..self.slots.max(1)).step_by(most as usize).map(&mut slab).collect();
+        let totals: [u32; 4] = [self.slots.div_ceil(WORKGROUP_ITEMS), 1, 1, self.slots];
+        let mut segments = |sample, keeps_layers| {
+            let segment = |run| segment(&self.place, self.group, sample, run, (keeps_layers, self.light));
+            self.runs.iter().map(|run| upload.add_uniform(bytemuck::bytes_of(&segment(run)))).collect()
+        };
+        PlacedSample {
+            slabs,
+            middle: segments(middle, false),
+            own: segments(sample, true),
+            view: upload.add_views(&[all]),
+            backdrop: upload.add_uniform(bytemuck::bytes_of(&backdrop(frame))),
+            totals: upload.add_uniform(bytemuck::cast_slice(&totals)),
         }
     }
 }
@@ -320,26 +349,31 @@ impl super::Gpu {
     /// Projects the Gaussians of the first sample of a frame. Returns their number.
     pub(in crate::backend) fn project_first(&mut self, frame: &Frame) -> usize {
         let prepared = self.prepare(frame).unwrap();
-        let mut marks = Marks::new(&self.state.device).unwrap();
-        let programs = self.bind(&prepared, &mut marks).unwrap();
-        let band = prepared.schedule.bands(0).next().unwrap();
         let position = &frame.rasters[0].positions[0];
-        let place =
-            JobPlace { prepared: &prepared, programs: &programs, position, raster: 0, band, film: &programs.film[0] };
-        let step = TransparentStep::new(place, 0, programs.transparent.as_ref().unwrap(), 0);
-        step.upload(&self.state, 0, 0);
-        let mut encoder = self.state.encoder();
-        step.project(&mut encoder, 0, &mut marks);
-        self.state.device.submit([encoder]);
+        let band = prepared.schedule.bands(0).next().unwrap();
+        let place = JobPlace { prepared: &prepared, position, raster: 0, band, film: 0, film_tile: 0 };
+        let (mut upload, group) = (Upload::default(), &position.groups[0]);
+        let (runs, slots) = runs(&prepared, group);
+        let light = upload.add_lights(&group.samples);
+        let entries = self.state.buffers.entries;
+        let of = Uploaded { place, group, runs: &runs, slots, surfels: 0, light, entries };
+        let sample = of.sample([0, 0], &mut upload);
+        let programs = self.bind(&prepared, &upload).unwrap();
+        upload.write(&self.state);
+        let mut marks = Marks::new(&self.state.device).unwrap();
+        let (state, encoder) = (&self.state, self.state.encoder());
+        let mut recorder = Recorder { state, programs: &programs, marks: &mut marks, encoder };
+        let step = TransparentStep { samples: Vec::new(), tiles: place.area().tiles, runs };
+        step.project(&mut recorder, programs.transparent.as_ref().unwrap(), sample.view, &sample.middle);
+        recorder.flush();
         self.state.device.check().unwrap();
-        step.slots as usize
+        slots as usize
     }
 
     /// Makes room for a sort of `entries` entries.
     pub(in crate::backend) fn make_room_to_sort(&mut self, entries: u64) {
         let DeviceState { device, buffers, .. } = &mut self.state;
         buffers.fit_entries(device, entries).unwrap();
-        buffers.fit_group(device, 1, 1, 1).unwrap();
     }
 
     /// The sort of depths.

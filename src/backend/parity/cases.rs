@@ -46,7 +46,7 @@ impl Case {
 }
 
 /// Elliptical surfels scattered over a ball of radius 1, as dense as a surface of `n` surfels.
-pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
+pub(in crate::backend) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
     let mut random = Random(seed);
     let mut surfels = Surfels::default();
     while surfels.len() < n {
@@ -103,13 +103,13 @@ fn hard() -> SurfelModel {
     SurfelModel::checked(Arc::new(surfels))
 }
 
-pub(super) fn object(model: impl Into<Shape>, at: DVec3) -> Object {
+pub(in crate::backend) fn object(model: impl Into<Shape>, at: DVec3) -> Object {
     let mut object = Object::new(model);
     object.transform.translate = at;
     object
 }
 
-pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
+pub(in crate::backend) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
     let eye = DVec3::new(0.0, 0.0, 3.0);
     Scene {
         name: "test".into(),

@@ -318,7 +318,7 @@ static MUTANTS: [Mutant; 48] = [
     ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
     ([("vec2<f32>(select(0.0, 1.0, uncovered), ", "vec2<f32>(0.0, ")], "supersample"),
     ([("covered = second < NONE", "covered = true")], "supersample"),
-    ([("Share(share, weight, layer == BAND)", "Share(share, weight, true)")], "supersample"),
+    ([("Share(share, 1.0, layer == BAND)", "Share(share, 1.0, true)")], "supersample"),
 ];
 
 /// What the programs that work by pixels have for themselves.

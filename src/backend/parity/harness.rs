@@ -5,15 +5,18 @@ use wgpu::{Buffer, BufferUsages, MapMode};
 
 use super::slots::Slots;
 use super::splat_twins::{Context, Posed, SplatTwins, Sums, whole};
+use crate::backend::gpu::Gpu;
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::{BoundPrograms, SurfelPrograms};
-use crate::backend::gpu::job::{Job, JobPlace, StepWork};
+use crate::backend::gpu::job::{Job, JobPlace};
 use crate::backend::gpu::layout::{Segment, TILE};
+use crate::backend::gpu::memory::Band;
 use crate::backend::gpu::paint::PaintStep;
 use crate::backend::gpu::prepared::Prepared;
+use crate::backend::gpu::recorder::{Recorder, StepWork};
 use crate::backend::gpu::steps::{MapStep, PublishedSweepStep, SweepStep};
 use crate::backend::gpu::timestamps::Marks;
-use crate::backend::gpu::{DeviceState, Gpu};
+use crate::backend::gpu::upload::{Placed, Upload};
 use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
 use crate::plan::{MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
@@ -50,7 +53,7 @@ pub(super) struct Harness<'a> {
     pub twins: SplatTwins<'a>,
     pub prepared: Prepared<'a>,
     programs: BoundPrograms,
-    band: crate::backend::gpu::memory::Band,
+    band: Band,
     /// The interval of the group, if it has one.
     swept: Option<PosedInterval>,
     pub batch: Batch,
@@ -81,8 +84,6 @@ impl<'a> Harness<'a> {
     /// `None`: the group has no surfels.
     pub(super) fn new(gpu: &'a mut Gpu, frame: &'a Frame, context: &'a Context) -> Option<Self> {
         let prepared = gpu.prepare(frame).unwrap();
-        let mut marks = Marks::new(&gpu.state.device).unwrap();
-        let programs = gpu.bind(&prepared, &mut marks).unwrap_or_else(|e| panic!("{e}"));
         let band = prepared.schedule.bands(0).next()?;
         assert_eq!(band.rows, prepared.schedule.rasters[0].tiles[1], "one band");
         let position = &frame.rasters[0].positions[0];
@@ -95,27 +96,25 @@ impl<'a> Harness<'a> {
         });
         let scope = context.scope(frame, position, group, whole(position));
         let twins = SplatTwins { scope, edge: TILE as usize };
-        let mut harness = Self { gpu, frame, twins, prepared, programs, band, swept, batch: Batch::default() };
-        let job = harness.job(false);
-        let mut batches = job.place.batches(&job);
-        harness.gpu.state.upload(&job, &batches);
-        assert!(batches.len() <= 1, "one batch");
-        harness.batch = batches.pop()?;
-        Some(harness)
+        let (batch, upload) = {
+            let job = job_of(&prepared, band, swept.as_ref(), false);
+            let mut batches = job.place.batches(&job);
+            assert!(batches.len() <= 1, "one batch");
+            let mut upload = Upload::default();
+            upload.place(&job, &batches, 0);
+            (batches.pop()?, upload)
+        };
+        let programs = gpu.bind(&prepared, &upload).unwrap_or_else(|e| panic!("{e}"));
+        Some(Self { gpu, frame, twins, prepared, programs, band, swept, batch })
     }
 
-    fn place(&self) -> JobPlace<'_> {
-        let position = &self.frame.rasters[0].positions[0];
-        let (prepared, programs, band) = (&self.prepared, &self.programs, self.band);
-        JobPlace { prepared, programs, position, raster: 0, band, film: &programs.film[0] }
-    }
-
-    /// The group, on the band or on the map around it.
-    fn job(&self, on_map: bool) -> Job<'_> {
-        let place = self.place();
-        let Some(interval) = self.swept else { return place.paint_job(0, false) };
-        let job = place.sweep_job(0, &interval);
-        if on_map { Job { area: job.map, ..job } } else { job }
+    /// Uploads the group, on the band or on the map around it.
+    fn place(&self, on_map: bool) -> Placed {
+        let job = job_of(&self.prepared, self.band, self.swept.as_ref(), on_map);
+        let mut upload = Upload::default();
+        let mut placed = upload.place(&job, std::slice::from_ref(&self.batch), self.gpu.state.buffers.entries);
+        upload.write(&self.gpu.state);
+        placed.remove(0)
     }
 
     fn tiles(&self) -> Vec<[usize; 2]> {
@@ -188,59 +187,64 @@ impl<'a> Harness<'a> {
     /// Runs one pass; what belongs to the map, on the map around the band.
     pub(super) fn run(&mut self, pass: Pass) {
         let on_map = self.swept.is_some() && matches!(pass, Pass::Project | Pass::Bin | Pass::Map(_));
-        let job = self.job(on_map);
-        self.gpu.state.upload(&job, &job.place.batches(&job));
-        if let Some(interval) = &self.swept {
-            self.write(&self.gpu.state.buffers.moments, &interval.moments);
-        }
+        let placed = self.place(on_map);
+        let film = &self.programs.film[0];
+        let paint = |programs| PaintStep { programs, film };
         match (&self.programs.surfels, pass) {
             (SurfelPrograms::Paint(programs), pass) => match pass {
-                Pass::Project => self.lists(&PaintStep { job, programs }, true, false),
-                Pass::Bin => self.lists(&PaintStep { job, programs }, false, true),
-                Pass::Filter => self.lists(&PaintStep { job, programs }, true, true),
-                Pass::Splat(pass) | Pass::Ewa(pass) => self.record(&PaintStep { job, programs }, pass),
+                Pass::Project => self.lists(&paint(programs), &placed, true, false),
+                Pass::Bin => self.lists(&paint(programs), &placed, false, true),
+                Pass::Filter => self.lists(&paint(programs), &placed, true, true),
+                Pass::Splat(pass) | Pass::Ewa(pass) => self.record(&paint(programs), &placed, pass),
                 _ => unreachable!("not a pass of instants"),
             },
             (SurfelPrograms::Sweep(programs), Pass::MakeKernels) => {
-                self.lists(&SweepStep { job, programs }, true, true);
+                self.lists(&SweepStep { film, programs }, &placed, true, true);
             }
-            (SurfelPrograms::Sweep(programs), Pass::Sweep(pass)) => self.record(&SweepStep { job, programs }, pass),
+            (SurfelPrograms::Sweep(programs), Pass::Sweep(pass)) => {
+                self.record(&SweepStep { film, programs }, &placed, pass);
+            }
             (SurfelPrograms::Published(programs, _), Pass::Project) => {
-                self.lists(&MapStep { job, programs }, true, false);
+                self.lists(&MapStep { programs }, &placed, true, false);
             }
-            (SurfelPrograms::Published(programs, _), Pass::Bin) => self.lists(&MapStep { job, programs }, false, true),
+            (SurfelPrograms::Published(programs, _), Pass::Bin) => {
+                self.lists(&MapStep { programs }, &placed, false, true);
+            }
             (SurfelPrograms::Published(programs, _), Pass::Map(pass)) => {
-                self.record(&MapStep { job, programs }, pass);
+                self.record(&MapStep { programs }, &placed, pass);
             }
             (SurfelPrograms::Published(_, programs), Pass::MakeKernels) => {
-                self.lists(&PublishedSweepStep { job, programs }, true, true);
+                self.lists(&PublishedSweepStep { film, programs }, &placed, true, true);
             }
             (SurfelPrograms::Published(_, programs), Pass::PublishedSweep(pass)) => {
-                self.record(&PublishedSweepStep { job, programs }, pass);
+                self.record(&PublishedSweepStep { film, programs }, &placed, pass);
             }
             _ => unreachable!("not a pass of the frame"),
         }
     }
 
-    fn record<W: StepWork>(&self, work: &W, pass: W::Pass) {
+    fn recorded(&self, record: impl FnOnce(&mut Recorder<'_>)) {
         let mut marks = Marks::new(&self.gpu.state.device).unwrap();
-        let mut encoder = self.gpu.state.encoder();
-        DeviceState::record(&mut encoder, work, pass, &self.batch, 0, &mut marks);
-        self.gpu.state.device.submit([encoder]);
+        let (state, programs) = (&self.gpu.state, &self.programs);
+        let mut recorder = Recorder { state, programs, marks: &mut marks, encoder: state.encoder() };
+        record(&mut recorder);
+        recorder.flush();
         self.gpu.state.device.check().unwrap();
     }
 
-    fn lists<W: StepWork>(&self, work: &W, project: bool, bin: bool) {
-        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
-        let mut encoder = self.gpu.state.encoder();
-        if project {
-            DeviceState::project(&mut encoder, work, &self.batch, 0, &mut marks);
-        }
-        if bin {
-            self.gpu.state.bin(&mut encoder, work, &self.batch, 0, &mut marks);
-        }
-        self.gpu.state.device.submit([encoder]);
-        self.gpu.state.device.check().unwrap();
+    fn record<W: StepWork>(&self, work: &W, placed: &Placed, pass: W::Pass) {
+        self.recorded(|recorder| recorder.record(work, pass, placed));
+    }
+
+    fn lists<W: StepWork>(&self, work: &W, placed: &Placed, project: bool, bin: bool) {
+        self.recorded(|recorder| {
+            if project {
+                recorder.project(work, placed);
+            }
+            if bin {
+                recorder.bin(&work.lists().emit, placed);
+            }
+        });
     }
 
     pub(super) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
@@ -250,6 +254,15 @@ impl<'a> Harness<'a> {
     pub(super) fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Vec<T> {
         read(self.gpu, buffer, count)
     }
+}
+
+/// The first group of a frame, on the band or on the map around it.
+fn job_of<'a>(prepared: &'a Prepared<'a>, band: Band, swept: Option<&'a PosedInterval>, on_map: bool) -> Job<'a> {
+    let position = &prepared.frame.rasters[0].positions[0];
+    let place = JobPlace { prepared, position, raster: 0, band, film: 0, film_tile: 0 };
+    let Some(interval) = swept else { return place.paint_job(0, false) };
+    let job = place.sweep_job(0, interval);
+    if on_map { Job { area: job.map, ..job } } else { job }
 }
 
 /// Columns and rows of tiles, row by row.

@@ -10,7 +10,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod captures;
-mod cases;
+pub(super) mod cases;
 mod compare;
 mod ewa_twins;
 mod ewas;
@@ -18,6 +18,7 @@ mod filtered_sweeps;
 mod functions;
 mod harness;
 mod mutants;
+mod rounds;
 mod shared_rest;
 mod slots;
 mod small_buffers;

@@ -86,16 +86,13 @@ fn what_rests_is_made_once_a_position() {
 }
 
 static MUTANTS: [Mutant; 7] = [
-    ([(">= view.slots_at_rest;\n    moves", ">= 2u * view.slots_at_rest;\n    moves")], "plain"),
-    ([("(view.flags & FIRST_OF_POSITION) != 0u || known == 0u", "known == 0u")], "plain"),
-    (
-        [("rest_film[film_at + plane * TILE_PIXELS] = 0.0", "rest_film[film_at + plane * TILE_PIXELS] = 1.0")],
-        "filtered",
-    ),
-    ([("film[at] += view.weight * rest_film[at]", "film[at] += rest_film[at]")], "filtered"),
-    ([("makes_rest = true", "makes_rest = false")], "plain"),
-    ([("rest[index] == (KNOWN | RESTS)", "rest[index] != 0u")], "filtered"),
-    ([("count != 0u && slot >= kept", "count != 0u")], "bucket"),
+    ([("walk.later = walk.next", "walk.later = walk.end")], "plain"),
+    ([("return views[view.rest].first_tile", "return view.first_tile")], "plain"),
+    ([("known != view.rest + 1u", "false")], "filtered"),
+    ([("+= weight * shown[plane]", "+= shown[plane]")], "filtered"),
+    ([("!= 0u && starts[index] == starts[index + 1u]", "!= 0u && true")], "plain"),
+    ([("if SAMPLE_COVERAGE != 0u { weight = 1.0; }", "")], "bucket"),
+    ([("|| (view.flags & IS_REST) != 0u", "")], "plain"),
 ];
 
 #[test]

@@ -178,7 +178,7 @@ impl<S: Slotted> Slots<S> {
                     })
             }));
         }
-        starts.extend([list.len() as u32, wide.len() as u32]);
+        starts.extend([list.len() as u32, 0, wide.len() as u32]);
         Self { splats, touched, starts, list, wide }
     }
 

@@ -21,12 +21,22 @@ fn small_buffers_change_nothing() {
     let cases = cases::all();
     let wanted: Vec<Picture> = cases.iter().map(|case| picture(&mut roomy, case)).collect();
     let (mut batches, mut bands) = (roomy.beside(), roomy.beside());
+    let mut rounds = [1, 3].map(|groups| {
+        let mut gpu = roomy.beside();
+        gpu.most_groups = groups;
+        gpu
+    });
     for (case, want) in cases.iter().zip(wanted) {
         // Lists outgrow their buffers, which are grown.
         let mut small = roomy.beside();
         small.first_entries = 1;
         assert_eq!(picture(&mut small, case), want, "{}: lists of one entry", case.name);
         assert_eq!(picture(&mut small, case), want, "{}: again", case.name);
+
+        // Groups pass one by one, and three at a time.
+        for gpu in &mut rounds {
+            assert_eq!(picture(gpu, case), want, "{}: rounds of {} groups", case.name, gpu.most_groups);
+        }
 
         // Surfels pass in many batches.
         batches.most_slots = 100;

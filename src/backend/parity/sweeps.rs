@@ -174,7 +174,7 @@ fn swept_passes_agree() {
 }
 
 static MUTANTS: [Mutant; 25] = [
-    ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "chord"),
+    ([("apply(segment.motion, position)", "-apply(segment.motion, position)")], "chord"),
     ([("(v.x * m.y - v.y * m.x) * over_both", "(v.x * m.y + v.y * m.x) * over_both")], "chord"),
     ([("max(begin.y, end.y)", "begin.y")], "chord"),
     ([("min(across.y, columns.y)", "across.y")], "chord"),

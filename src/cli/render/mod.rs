@@ -74,9 +74,9 @@ JSON (--json), one object: program, scene, directory, backend, frames: [{{frame,
 rendering), samples, surfels, splats, left_out (pixels with too many layers of see-through surfels), detail (error by
 surfels that stand for finer ones), auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
 cpu_seconds or device_seconds: {{project, sort, bin, visibility, attribute, composite, resolve, total}}, gpu (on
-a GPU alone; calls to it: submissions, waits, maps, dispatches, writes, bind_groups, bytes_up, bytes_down), waste (CPU
-alone; pixels within the bounds of splats over those that the splats cover): {{visibility, attribute, composite}}, each
-{{bounded, covered, waste}}}}],
+a GPU alone; calls to it: submissions, waits, maps, dispatches, writes, bind_groups, bytes_up, bytes_down; passes over
+lists: chain, walks, fill), waste (CPU alone; pixels within the bounds of splats over those that the splats cover):
+{{visibility, attribute, composite}}, each {{bounded, covered, waste}}}}],
 load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), movie (its path), ffmpeg (a line
 that makes one; null where frames do not follow one another or are not written), settings (as each file carries them,
 with `frame`, in its header)."))]

@@ -1,6 +1,7 @@
 //! Tests of programs and of the layouts that they share with the host.
 #![allow(clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
+mod noop;
 #[allow(unreachable_pub, reason = "integration tests share the file")]
 #[path = "../../../../tests/support/gpu.rs"]
 mod open;

@@ -2,6 +2,7 @@
 
 mod constants;
 mod structs;
+mod writers;
 
 use std::collections::BTreeSet;
 

@@ -23,13 +23,14 @@ use crate::backend::cpu::transparent::project::{
     FAINTEST, FAINTEST_DEPTH, HALF_LOG2_E, LEAST_REACH, MOST_BEND, MOST_DEPTH,
 };
 use crate::backend::gpu::layout::{
-    AMBIENT, DIGIT_BITS, DIRECTIONAL, FIRST_OF_POSITION, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT,
-    FLAG_VOLUME, KEEPS_SPLATS, LAST_SLAB, ONE_BATCH, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_REST, Status, TILE,
-    WIDEST, WORKGROUP_ITEMS,
+    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME, IS_REST,
+    LARGE_GPU, LAST_SLAB, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Status, TILE, VIEWS, WIDEST,
+    WORKGROUP_ITEMS, WORKGROUPS,
 };
 use crate::backend::gpu::memory::MASKS;
 use crate::backend::gpu::programs::Program;
 use crate::environment::cube::{DEVIATION, LAST_FACE};
+use crate::film::{Aov, FilmPlanes};
 use crate::frame::Blocks;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS};
 use crate::math::fast::ROUND;
@@ -76,6 +77,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("HALF_SQRT_PI", float(HALF_SQRT_PI)),
         ("HIDDEN", float(HIDDEN)),
         ("HULL_SLACK", float(HULL_SLACK)),
+        ("LARGE_GPU", float(LARGE_GPU)),
         ("LAST_FACE", whole(LAST_FACE)),
         ("LEAST_EPSILON", float(LEAST_EPSILON)),
         ("LEAST_NORMAL", float(f32::MIN_POSITIVE)),
@@ -101,10 +103,9 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("SECOND", whole(DepthLayer::Second as u32)),
         ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
         ("LAST_SLAB", whole(LAST_SLAB)),
-        ("SHARES_REST", whole(SHARES_REST)),
-        ("FIRST_OF_POSITION", whole(FIRST_OF_POSITION)),
-        ("ONE_BATCH", whole(ONE_BATCH)),
-        ("KEEPS_SPLATS", whole(KEEPS_SPLATS)),
+        ("IS_REST", whole(IS_REST)),
+        ("MOST_PLANES", whole(FilmPlanes::of(&Aov::ALL).pooled().count)),
+        ("SHARES_TILES", whole(SHARES_TILES)),
         // The bits of flags above all that kernels in motion have.
         ("SEGMENT_SHIFT", whole((FLAG_BACK | FLAG_LOW_PASS | FLAG_CROSSING).trailing_ones())),
         ("SLACK", float(SLACK)),
@@ -115,13 +116,15 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("TILE_PIXELS", whole(TILE * TILE)),
         ("TILE_QUADS", whole(TILE * TILE / 4)),
         ("UNMOVED", float(UNMOVED)),
+        ("VIEWS", whole(VIEWS)),
         ("WIDEST", whole(WIDEST)),
+        ("WORKGROUPS", whole(WORKGROUPS)),
         ("WORKGROUP_ITEMS", whole(WORKGROUP_ITEMS)),
     ]
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 17] = [
+const OF_DEVICE: [(&str, &str); 15] = [
     ("READ", "how a workgroup shares its memory; the CPU reads discs one by one"),
     ("LANES", "invocations of a workgroup by pixels"),
     ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
@@ -129,8 +132,6 @@ const OF_DEVICE: [(&str, &str); 17] = [
     ("PANEL_ROWS", "how a workgroup by pixels parts its tile"),
     ("PANELS", "how a workgroup by pixels parts its tile"),
     ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
-    ("KNOWN", "what is known of a tile at rest; the CPU has a film or none"),
-    ("RESTS", "the same"),
     ("MOST_LAYER", "the last float that a cast holds; casts saturate on the CPU"),
     ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),
     ("NO_LANDING", "the CPU has no branch that would need it: it lands all surfels of a vector"),

@@ -7,9 +7,7 @@ use naga::proc::Layouter;
 use naga::{AddressSpace, Handle, Module, Type, TypeInner};
 
 use super::module;
-use crate::backend::gpu::layout::{
-    CaptureSegment, DeviceBackground, DeviceGaussian, Light, Segment, Status, Travel, View,
-};
+use crate::backend::gpu::layout::{CaptureSegment, DeviceBackground, DeviceGaussian, Light, Segment, Status, View};
 use crate::backend::gpu::programs::Program;
 use crate::layout::{EwaSplat, FilteredSplat, Splat, SweptFilter, SweptSplat};
 
@@ -64,15 +62,24 @@ fn shared() -> Vec<(&'static str, Layout)> {
             map_corner,
             map_tiles,
             sigma,
-            unused,
+            round_tiles,
             first_place,
             opaque_scale,
             flags,
-            slots_at_rest,
+            rest,
             environment,
             pixel,
             strip,
-            first
+            first,
+            views,
+            number,
+            first_tile,
+            first_slot,
+            same_film,
+            film_tile,
+            first_segment,
+            first_moment,
+            walks
         }),
         layout!(Segment {
             screen,
@@ -91,11 +98,32 @@ fn shared() -> Vec<(&'static str, Layout)> {
             buffer_start,
             index,
             first_light,
-            flags
+            flags,
+            centre,
+            motion,
+            elapsed,
+            advance,
+            turn,
+            pace,
+            columns,
+            view
         }),
-        layout!(Travel { centre, motion, elapsed, advance, turn, pace, columns }),
         layout!(Light { vector, colour }),
-        layout!(Status { most_entries, splats_low, splats_high, left_out_low, left_out_high }),
+        layout!(Status {
+            most_entries,
+            splats_low,
+            splats_high,
+            left_out_low,
+            left_out_high,
+            longest,
+            chain_low,
+            chain_high,
+            walks,
+            filled,
+            last_walks,
+            last_longest,
+            last_tiles
+        }),
         layout!(SweptSplat { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, bounds, surfel, flags }),
         layout!(EwaSplat { disc, u, v, shrink, p, peak, weight, crossing, listed_bounds, filtered_bounds }),
         layout!(CaptureSegment {

@@ -1,0 +1,16 @@
+// The splats of a tile of the view: first those of the view at rest that it shares with other groups of the sample
+// position, then its own. Twin: what `made` keeps in src/backend/cpu/tile_runner.rs.
+// A program that uses this file declares `starts`.
+
+// The number of a tile of the view at rest.
+fn rest_tile_of(tile: vec2<u32>) -> u32 {
+    return views[view.rest].first_tile + tile.y * view.tiles.x + tile.x;
+}
+
+// Is there nothing of the view's own in the tile, so that all that is known of it is known of the tile at rest?
+fn rests(tile: vec2<u32>) -> bool {
+    let index = tile_of(tile);
+    let wide_at = view.round_tiles + 1u + view.number;
+    return (view.flags & SHARES_TILES) != 0u && starts[index] == starts[index + 1u]
+        && starts[wide_at] == starts[wide_at + 1u];
+}

@@ -1,0 +1,263 @@
+//! Cuts a frame into tasks, each a step of one group or a round of several groups, and tasks into chunks, each with
+//! what it uploads.
+
+use std::iter::Peekable;
+
+use super::batches::Batch;
+use super::job::{Job, JobPlace};
+use super::layout::{IS_REST, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Segment, VIEWS, View};
+use super::memory::makes_rounds;
+use super::prepared::Prepared;
+use super::transparent::TransparentStep;
+use super::upload::{Placed, Upload};
+use crate::plan::{Published, Step};
+
+/// Bytes that a chunk uploads, about: one with less takes another task.
+const CHUNK_BYTES: usize = 1 << 25;
+
+/// Passes that are recorded together. Films are indices of parts of the film.
+#[derive(Debug)]
+pub(in crate::backend) enum Task<'a> {
+    /// Steps `Paint`, or instants of step `Published`.
+    Paint {
+        film: usize,
+        placed: Vec<Placed>,
+    },
+    Peel(Vec<Placed>),
+    Composite {
+        film: usize,
+        step: TransparentStep<'a>,
+    },
+    Sweep {
+        film: usize,
+        placed: Vec<Placed>,
+    },
+    Map(Vec<Placed>),
+    PublishedSweep {
+        film: usize,
+        placed: Vec<Placed>,
+    },
+    Finish {
+        film: usize,
+        view: u32,
+        tiles: [u32; 2],
+    },
+}
+
+/// Tasks that are uploaded and submitted together.
+#[derive(Debug, Default)]
+pub(in crate::backend) struct Chunk<'a> {
+    pub tasks: Vec<Task<'a>>,
+    pub upload: Upload,
+}
+
+/// A step of a sample position in one band.
+struct PlacedStep<'a> {
+    place: JobPlace<'a>,
+    step: &'a Step,
+    /// Is it the first one of the position?
+    begins: bool,
+}
+
+/// All steps of a frame that are wanted, in order.
+fn steps<'a>(prepared: &'a Prepared<'a>) -> impl Iterator<Item = PlacedStep<'a>> {
+    let whole = prepared.binds_whole_film();
+    let tile_bytes = prepared.tile_bytes_of_film();
+    let parts = prepared.film_parts();
+    let bands = prepared
+        .frame
+        .rasters
+        .iter()
+        .enumerate()
+        .flat_map(|(raster, of_raster)| prepared.schedule.bands(raster).map(move |band| (raster, band, of_raster)));
+    bands.enumerate().flat_map(move |(film, (raster, band, of_raster))| {
+        let film_tile = if whole { (parts[film].0 / tile_bytes) as u32 } else { 0 };
+        let wanted = of_raster.positions.first().is_some_and(|position| prepared.wants(&position.raster, band));
+        let positions = if wanted { &of_raster.positions[..] } else { &[] };
+        positions.iter().flat_map(move |position| {
+            let place = JobPlace { prepared, position, raster, band, film, film_tile };
+            position.steps.iter().enumerate().map(move |(n, step)| PlacedStep { place, step, begins: n == 0 })
+        })
+    })
+}
+
+/// A walk over the steps of a frame, chunk by chunk.
+pub(in crate::backend) struct Walk<'a, I: Iterator> {
+    prepared: &'a Prepared<'a>,
+    steps: Peekable<I>,
+    /// Entries of lists that there is room for.
+    entries: u64,
+    /// What the last group has.
+    has_opaque: bool,
+    has_layers: bool,
+}
+
+/// The walk over a frame.
+pub(in crate::backend) fn walk<'a>(prepared: &'a Prepared<'a>, entries: u64) -> impl Iterator<Item = Chunk<'a>> {
+    let steps = steps(prepared).peekable();
+    Walk { prepared, steps, entries, has_opaque: false, has_layers: false }
+}
+
+impl<'a, I: Iterator<Item = PlacedStep<'a>>> Iterator for Walk<'a, I> {
+    type Item = Chunk<'a>;
+
+    fn next(&mut self) -> Option<Chunk<'a>> {
+        self.steps.peek()?;
+        let mut chunk = Chunk::default();
+        let mut round = Round::default();
+        while chunk.upload.bytes() + round.bytes < CHUNK_BYTES {
+            let Some(next) = self.steps.next() else { break };
+            if next.begins {
+                (self.has_opaque, self.has_layers, round.rest) = (false, false, None);
+            }
+            self.add(&mut chunk, &mut round, &next);
+        }
+        round.close(&mut chunk, self.entries);
+        Some(chunk)
+    }
+}
+
+impl<'a, I: Iterator> Walk<'a, I> {
+    /// Adds a step to a chunk, or to the round that goes into it next.
+    fn add(&mut self, chunk: &mut Chunk<'a>, round: &mut Round<'a>, next: &PlacedStep<'a>) {
+        let (place, film, entries) = (next.place, next.place.film, self.entries);
+        let paint = match *next.step {
+            Step::Paint { group, shares_rest } => Some((group, shares_rest)),
+            Step::Published { group, part: Published::Instant } => Some((group, false)),
+            _ => None,
+        };
+        if let Some((group, shares_rest)) = paint {
+            let job = place.paint_job(group, false);
+            let mut batches = place.batches(&job);
+            self.has_opaque = !batches.is_empty();
+            if batches.len() == 1 && makes_rounds(self.prepared.frame) {
+                round.add(chunk, (job, batches.remove(0)), shares_rest, entries);
+                return;
+            }
+            round.close(chunk, entries);
+            let placed = chunk.upload.place(&job, &batches, entries);
+            chunk.tasks.push(Task::Paint { film, placed });
+            return;
+        }
+        round.close(chunk, entries);
+        let mut place_all = |job: &Job<'a>| {
+            let batches = place.batches(job);
+            chunk.upload.place(job, &batches, entries)
+        };
+        let task = match *next.step {
+            Step::Paint { .. } | Step::Published { part: Published::Instant, .. } => return,
+            Step::Peel { group } => {
+                let flags = u32::from(self.has_opaque) * OPAQUE_SURFELS;
+                let placed = place_all(&Job { flags, ..place.paint_job(group, true) });
+                self.has_layers = !placed.is_empty();
+                Task::Peel(placed)
+            }
+            Step::Composite { group } => {
+                let [opaque, layers] = [self.has_opaque, self.has_layers].map(u32::from);
+                let surfels = (opaque * OPAQUE_SURFELS) | (layers * SEE_THROUGH_SURFELS);
+                let step = TransparentStep::new(place, group, surfels, entries, &mut chunk.upload);
+                Task::Composite { film, step }
+            }
+            Step::Sweep { group, ref interval, .. } => {
+                Task::Sweep { film, placed: place_all(&place.sweep_job(group, interval)) }
+            }
+            Step::Published { group, part: Published::Map { guard } } => {
+                Task::Map(place_all(&place.map_job(group, guard)))
+            }
+            Step::Published { group, part: Published::Sweep { ref interval, .. } } => {
+                Task::PublishedSweep { film, placed: place_all(&place.sweep_job(group, interval)) }
+            }
+            Step::Finish => {
+                let tiles = place.area().tiles;
+                Task::Finish { film, tiles, view: chunk.upload.add_views(&[place.job(0).view(entries)]) }
+            }
+        };
+        chunk.tasks.push(task);
+    }
+}
+
+/// Groups of one batch each, which go through the passes together.
+#[derive(Default)]
+struct Round<'a> {
+    /// Each with the number of the view of what is at rest.
+    groups: Vec<(Job<'a>, Batch, u32)>,
+    /// The view of what is at rest at the sample position, and a batch of it.
+    rest: Option<(u32, Batch)>,
+    /// Slots and tiles of all groups, and bytes that they upload, about.
+    slots: u64,
+    tiles: u64,
+    bytes: usize,
+}
+
+impl<'a> Round<'a> {
+    /// Adds a group. Where it does not fit, the round goes into the chunk before, and another begins.
+    fn add(&mut self, chunk: &mut Chunk<'a>, (job, batch): (Job<'a>, Batch), shares_rest: bool, entries: u64) {
+        if !shares_rest || batch.at_rest.1 == 0 || !self.add_sharing(chunk, job, &batch, entries) {
+            self.make_room(chunk, &job, [u64::from(batch.slots), 1], entries);
+            let number = self.groups.len() as u32;
+            self.push(job, batch, number);
+        }
+    }
+
+    /// Adds a group that shares what is at rest with others of the sample position. False where rounds have no room for
+    /// both.
+    fn add_sharing(&mut self, chunk: &mut Chunk<'a>, job: Job<'a>, batch: &Batch, entries: u64) -> bool {
+        let schedule = &job.place.prepared.schedule;
+        if schedule.round_groups < 2 {
+            return false;
+        }
+        let slots = u64::from(batch.slots);
+        let known =
+            |round: &Self| round.rest.as_ref().filter(|(_, of_rest)| of_rest.rests_as(batch)).map(|known| known.0);
+        let more = match known(self) {
+            Some(_) => [slots - u64::from(batch.at_rest.0), 1],
+            None => [slots, 2],
+        };
+        self.make_room(chunk, &job, more, entries);
+        let [of_rest, moving] = batch.parted(job.group.samples.len() as u32);
+        let number = known(self).unwrap_or_else(|| {
+            let number = self.groups.len() as u32;
+            self.push(Job { flags: job.flags | IS_REST, ..job }, of_rest.clone(), number);
+            self.rest = Some((number, of_rest));
+            number
+        });
+        // The coverage of several samples holds their weights.
+        let flags = if job.group.samples.len() == 1 { SHARES_TILES } else { 0 };
+        self.push(Job { flags: job.flags | flags, ..job }, moving, number);
+        true
+    }
+
+    fn push(&mut self, job: Job<'a>, batch: Batch, rest: u32) {
+        self.slots += u64::from(batch.slots);
+        self.tiles += job.area.len();
+        self.bytes += size_of::<View>() + size_of_val(&batch.segments[..]);
+        self.groups.push((job, batch, rest));
+    }
+
+    /// Closes the round unless there is room for so many slots and views more, of a group.
+    fn make_room(&mut self, chunk: &mut Chunk<'a>, job: &Job<'_>, [slots, views]: [u64; 2], entries: u64) {
+        let Some((first, ..)) = self.groups.first() else { return };
+        let schedule = &job.place.prepared.schedule;
+        // Programs bind one part of the film, and all tiles have the same apron.
+        let same_film = job.place.prepared.binds_whole_film() || first.place.film == job.place.film;
+        let fits = same_film
+            && first.place.raster(false).apron() == job.place.raster(false).apron()
+            && self.groups.len() as u64 + views <= schedule.round_groups.min(u64::from(VIEWS))
+            && self.slots + slots <= schedule.round_slots
+            && self.tiles + views * job.area.len() <= schedule.round_tiles;
+        if !fits {
+            self.close(chunk, entries);
+        }
+    }
+
+    /// Adds it to a chunk, and begins another.
+    fn close(&mut self, chunk: &mut Chunk<'a>, entries: u64) {
+        let Self { groups, .. } = std::mem::take(self);
+        let Some((job, ..)) = groups.first() else { return };
+        let film = job.place.film;
+        let placed = vec![chunk.upload.place_round(&groups, entries)];
+        chunk.tasks.push(Task::Paint { film, placed });
+    }
+}
+
+const _: () = assert!(size_of::<Segment>() < CHUNK_BYTES);

@@ -1,0 +1,62 @@
+//! Calls to a device of hardware, counted without one: wgpu's `noop` adapter checks every call and runs none. So lists
+//! are empty, pictures are black, and mode auto never goes on.
+
+use glam::DVec3;
+use wgpu::{BackendOptions, Backends, DeviceType, Instance, InstanceDescriptor, NoopBackendOptions};
+
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::device::Device;
+use crate::backend::gpu::programs::Pipelines;
+use crate::backend::parity::cases::{ball, object, scene};
+use crate::backend::{Backend, GpuCalls};
+use crate::options::{BlurMode, Quality, RenderOptions};
+use crate::renderer::render_frame;
+use crate::scene::{Motion, Scene};
+
+/// A backend with the schedule of hardware.
+fn hardware() -> Gpu {
+    let descriptor = InstanceDescriptor {
+        backends: Backends::NOOP,
+        backend_options: BackendOptions { noop: NoopBackendOptions::enabled(), ..BackendOptions::default() },
+        ..InstanceDescriptor::new_without_display_handle()
+    };
+    let adapters = pollster::block_on(Instance::new(descriptor).enumerate_adapters(Backends::NOOP));
+    let mut info = adapters[0].get_info();
+    info.device_type = DeviceType::DiscreteGpu;
+    let device = Device::of(&adapters[0], info).unwrap();
+    let mut gpu = Gpu::on(device, Pipelines::default()).unwrap();
+    // As much as GPUs bind.
+    gpu.most_bytes = (1 << 31) - 1024;
+    gpu
+}
+
+/// The calls of the second of two equal frames.
+fn steady(gpu: &mut dyn Backend, scene: &Scene, options: &RenderOptions) -> GpuCalls {
+    let [_, second] = [(); 2].map(|()| render_frame(gpu, scene, 0, options).unwrap().stats.gpu.unwrap());
+    eprintln!("{second:?}");
+    second
+}
+
+#[test]
+fn a_frame_is_one_submission_of_few_dispatches() {
+    let mut gpu = hardware();
+    // As many surfels and pixels as `three_objects` has.
+    let moves = |number: u64, velocity: DVec3| {
+        let mut moving = object(ball(30_000, number, false), DVec3::new(0.0, 0.5, -0.5 * number as f64));
+        moving.motions = vec![Motion::Linear { velocity }];
+        moving
+    };
+    let still = object(ball(50_000, 1, true), DVec3::new(-0.2, 0.0, -3.0));
+    let scene = scene(vec![still, moves(2, DVec3::X), moves(3, DVec3::Y), moves(4, DVec3::Z)], [960, 540]);
+    let auto = RenderOptions::default();
+    let calls = steady(&mut gpu, &scene, &auto);
+    assert_eq!((calls.submissions, calls.bind_groups), (2, 0), "two halves of the first round: {calls:?}");
+    assert!(calls.dispatches <= 120 && calls.writes <= 12 && calls.maps <= 4, "{calls:?}");
+    assert!(calls.bytes_down <= 17_000_000, "{calls:?}");
+
+    // Many instants are a few rounds.
+    let options = RenderOptions { quality: Quality::from(BlurMode::supersample(64)), ..auto };
+    let calls = steady(&mut gpu, &scene, &options);
+    assert_eq!((calls.submissions, calls.waits, calls.bind_groups), (1, 1, 0), "{calls:?}");
+    assert!(calls.dispatches <= 400 && calls.writes <= 8 && calls.maps <= 2, "{calls:?}");
+}

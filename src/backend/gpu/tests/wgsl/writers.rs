@@ -1,0 +1,81 @@
+//! Programs in the languages of Metal and Direct3D, and their memory on the smallest device.
+
+use naga::back::pipeline_constants::process_overrides;
+use naga::back::{PipelineConstants, hlsl, msl};
+use naga::proc::Layouter;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, ShaderStage};
+
+use super::module;
+use crate::backend::gpu::programs::Program;
+
+/// Bytes of workgroup memory that every device has (the default limit of WebGPU).
+const WORKGROUP_BYTES: u32 = 16 << 10;
+
+/// What changes the size of arrays, or which branches there are.
+const SETS: [&[(&str, f64)]; 3] = [
+    &[],
+    &[("FILTERED", 1.0), ("LAYERS", 4.0), ("NEAREST", 1.0), ("NORMAL", 4.0), ("PHONG", 1.0), ("FACE", 64.0)],
+    &[("FILTERED", 1.0), ("LAYERS", 2.0), ("PEEL", 1.0), ("DEPTH", 4.0), ("VELOCITY", 5.0), ("GOURAUD", 1.0)],
+];
+
+/// A module whose constants are chosen.
+fn chosen(program: Program, set: &[(&str, f64)], write: impl FnOnce(&Module, &naga::valid::ModuleInfo)) {
+    let module = module(program);
+    let validate = |module: &Module| {
+        let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(module);
+        valid.unwrap_or_else(|e| panic!("{}: {e:?}", program.entry()))
+    };
+    let info = validate(&module);
+    let has = |name: &str| module.overrides.iter().any(|(_, constant)| constant.name.as_deref() == Some(name));
+    let mut constants: PipelineConstants =
+        set.iter().filter(|(name, _)| has(name)).map(|&(name, value)| (name.to_owned(), value)).collect();
+    // A kind of kernels is always filtered, or never.
+    if let Program::Project(kernel) | Program::Visibility(kernel, _) | Program::Attribute(kernel, _) = program
+        && has("FILTERED")
+    {
+        constants.insert("FILTERED".to_owned(), f64::from(u8::from(kernel.is_filtered())));
+    }
+    let entry = Some((ShaderStage::Compute, program.entry()));
+    let (module, info) = process_overrides(&module, &info, entry, &constants).unwrap();
+    write(&module, &info);
+}
+
+#[test]
+fn programs_are_written_for_metal_and_direct3d() {
+    for program in Program::ALL {
+        let entry_point = Some((ShaderStage::Compute, program.entry().to_owned()));
+        for set in SETS {
+            chosen(program, set, |module, info| {
+                // Metal 2.1 has all that programs use; wgpu takes the newest that a device has.
+                let options = msl::Options { lang_version: (2, 1), ..msl::Options::default() };
+                let of_entry = msl::PipelineOptions { entry_point: entry_point.clone(), ..Default::default() };
+                let (text, _) = msl::write_string(module, info, &options, &of_entry)
+                    .unwrap_or_else(|e| panic!("{} for Metal: {e}", program.entry()));
+                assert!(text.contains("kernel void"), "{}", program.entry());
+                let (options, mut text) = (hlsl::Options::default(), String::new());
+                let of_entry = hlsl::PipelineOptions { entry_point: entry_point.clone() };
+                hlsl::Writer::new(&mut text, &options, &of_entry)
+                    .write(module, info, None)
+                    .unwrap_or_else(|e| panic!("{} for Direct3D: {e}", program.entry()));
+                assert!(text.contains("numthreads"), "{}", program.entry());
+            });
+        }
+    }
+}
+
+#[test]
+fn programs_take_no_more_workgroup_memory_than_every_device_has() {
+    for program in Program::ALL {
+        for set in SETS {
+            chosen(program, set, |module, _| {
+                let mut layouter = Layouter::default();
+                layouter.update(module.to_ctx()).unwrap();
+                let of_workgroup =
+                    module.global_variables.iter().filter(|(_, var)| var.space == AddressSpace::WorkGroup);
+                let bytes: u32 = of_workgroup.map(|(_, var)| layouter[var.ty].size.next_multiple_of(16)).sum();
+                assert!(bytes <= WORKGROUP_BYTES, "{}: {bytes} bytes of workgroup memory", program.entry());
+            });
+        }
+    }
+}

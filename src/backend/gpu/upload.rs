@@ -1,0 +1,249 @@
+//! What the passes of a chunk of a frame read from the host: views, tables of workgroups, segments, lights and moments.
+//! It is uploaded once, before the chunk is submitted.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use bytemuck::Zeroable;
+
+use super::DeviceState;
+use super::batches::Batch;
+use super::buffers::{Buffers, TABLE_BYTES, VIEW_BYTES, grow};
+use super::device::Device;
+use super::job::Job;
+use super::layout::{Light, Segment, UNIFORM_STRIDE, VIEWS, View, WORKGROUP_SURFELS, WORKGROUPS, lights};
+use crate::backend::BackendError;
+use crate::frame::PosedSample;
+use crate::plan::PosedInterval;
+
+/// A round on the device: the batches of several groups, one of each, or a batch of one group.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct Placed {
+    /// Where its views begin, bytes, and their number.
+    pub view: u32,
+    pub views: u32,
+    /// Slots of all views.
+    pub slots: u32,
+    /// Most tiles in a row, and most rows of tiles, of any view.
+    pub tiles: [u32; 2],
+    /// Tiles of all views.
+    pub round_tiles: u32,
+    /// What makes its splats.
+    pub surfels: Vec<SurfelDispatch>,
+}
+
+/// A dispatch over segments of one surfel buffer.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::backend) struct SurfelDispatch {
+    pub object: usize,
+    pub buffer: usize,
+    /// Where its table of workgroups begins, bytes.
+    pub table: u32,
+    pub workgroups: u32,
+}
+
+/// Bytes that are uploaded together, buffer by buffer.
+#[derive(Debug, Default)]
+pub(in crate::backend) struct Upload {
+    views: Vec<u8>,
+    uniforms: Vec<u8>,
+    segments: Vec<Segment>,
+    lights: Vec<Light>,
+    moments: Vec<f32>,
+}
+
+/// Where what belongs to a group begins.
+#[derive(Clone, Copy, Debug)]
+struct OfGroup {
+    segment: u32,
+    light: u32,
+    moment: u32,
+}
+
+/// A batch of a group in a round, with what is known before it.
+struct Part<'a> {
+    job: &'a Job<'a>,
+    batch: &'a Batch,
+    of_group: OfGroup,
+    /// Is it all of the group?
+    is_whole: bool,
+    /// Has the group batches before it? The turn of the last of them.
+    resumes: bool,
+    first_turn: u32,
+    /// The view of what is at rest.
+    rest: u32,
+}
+
+impl Upload {
+    /// Bytes so far.
+    pub(in crate::backend) fn bytes(&self) -> usize {
+        let Self { views, uniforms, segments, lights, moments } = self;
+        views.len() + uniforms.len() + size_of_val(&segments[..]) + size_of_val(&lights[..]) + size_of_val(&moments[..])
+    }
+
+    /// Adds views that are bound together. Returns where they begin, bytes.
+    pub(in crate::backend) fn add_views(&mut self, views: &[View]) -> u32 {
+        append(&mut self.views, bytemuck::cast_slice(views))
+    }
+
+    /// Adds a uniform other than a view. Returns where it begins, bytes.
+    pub(in crate::backend) fn add_uniform(&mut self, bytes: &[u8]) -> u32 {
+        append(&mut self.uniforms, bytes)
+    }
+
+    /// Adds the lights of samples. Returns the index of the first.
+    pub(in crate::backend) fn add_lights(&mut self, samples: &[PosedSample]) -> u32 {
+        let first = self.lights.len() as u32;
+        self.lights.extend(lights(samples));
+        first
+    }
+
+    /// Makes room for the segments of a group's batches.
+    fn add_group(&mut self, job: &Job<'_>, batches: &[Batch]) -> OfGroup {
+        let (segment, moment) = (self.segments.len() as u32, self.moments.len() as u32);
+        self.segments.extend(job.group.samples.iter().map(|sample| Segment::weighing(sample.weight)));
+        let posed: usize = batches.iter().map(|batch| batch.segments.len()).sum();
+        self.segments.resize(self.segments.len() + posed, Segment::zeroed());
+        let light = self.add_lights(&job.group.samples);
+        self.moments.extend(job.interval.iter().flat_map(|interval: &&PosedInterval| interval.moments));
+        OfGroup { segment, light, moment }
+    }
+
+    /// Places a group that is cut into batches, which come one after the other.
+    pub(in crate::backend) fn place(&mut self, job: &Job<'_>, batches: &[Batch], entries: u64) -> Vec<Placed> {
+        let of_group = self.add_group(job, batches);
+        let mut first_turn = 0;
+        let mut placed = Vec::new();
+        for (number, batch) in batches.iter().enumerate() {
+            let (is_whole, resumes) = (batches.len() == 1, number > 0);
+            placed.push(
+                self.place_parts(&[Part { job, batch, of_group, is_whole, resumes, first_turn, rest: 0 }], entries),
+            );
+            first_turn = batch.last_turn;
+        }
+        placed
+    }
+
+    /// Places a round: groups of one batch each, which go through the passes together. Each has the number of the view
+    /// of what is at rest.
+    pub(in crate::backend) fn place_round(&mut self, groups: &[(Job<'_>, Batch, u32)], entries: u64) -> Placed {
+        let mut part = |job, batch, rest| {
+            let of_group = self.add_group(job, std::slice::from_ref(batch));
+            Part { job, batch, of_group, is_whole: true, resumes: false, first_turn: 0, rest }
+        };
+        let parts: Vec<_> = groups.iter().map(|(job, batch, rest)| part(job, batch, *rest)).collect();
+        self.place_parts(&parts, entries)
+    }
+
+    fn place_parts(&mut self, parts: &[Part<'_>], entries: u64) -> Placed {
+        let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
+        let mut views = Vec::new();
+        // For each surfel buffer of each object, the workgroups of its segments.
+        let mut tables: Vec<([usize; 2], Vec<[u32; 2]>)> = Vec::new();
+        let mut places = HashMap::new();
+        for (number, part) in parts.iter().enumerate() {
+            let &Part { job, batch, of_group, is_whole, resumes, first_turn, rest } = part;
+            let own = job.view(entries);
+            views.push(View {
+                resumes: u32::from(resumes),
+                rest,
+                first_turn,
+                last_turn: batch.last_turn,
+                first_light: of_group.light + own.first_light,
+                views: placed.views,
+                number: number as u32,
+                first_tile: placed.round_tiles,
+                first_slot: placed.slots,
+                first_segment: of_group.segment,
+                first_moment: of_group.moment,
+                // Lists of several batches are made again for each pass that reads them.
+                walks: if is_whole { own.walks } else { 1 },
+                ..own
+            });
+            for (segment, object, buffer) in &batch.segments {
+                let index = of_group.segment + segment.index;
+                self.segments[index as usize] = Segment {
+                    first_slot: placed.slots + segment.first_slot,
+                    first_light: of_group.light + segment.first_light,
+                    index,
+                    view: number as u32,
+                    ..*segment
+                };
+                let at = match places.entry([*object, *buffer]) {
+                    Entry::Occupied(place) => *place.get(),
+                    Entry::Vacant(place) => {
+                        tables.push((*place.key(), Vec::new()));
+                        *place.insert(tables.len() - 1)
+                    }
+                };
+                tables[at].1.extend((0..segment.surfels.div_ceil(WORKGROUP_SURFELS)).map(|place| [index, place]));
+            }
+            placed.slots += batch.slots;
+            placed.round_tiles += own.tiles[0] * own.tiles[1];
+            placed.tiles = [0, 1].map(|i| placed.tiles[i].max(own.tiles[i]));
+        }
+        join_films(&mut views);
+        for view in &mut views {
+            (view.slots, view.round_tiles) = (placed.slots, placed.round_tiles);
+        }
+        placed.view = self.add_views(&views);
+        for ([object, buffer], workgroups) in tables {
+            for table in workgroups.chunks(WORKGROUPS) {
+                placed.surfels.push(SurfelDispatch {
+                    object,
+                    buffer,
+                    table: self.add_uniform(bytemuck::cast_slice(table)),
+                    workgroups: table.len() as u32,
+                });
+            }
+        }
+        placed
+    }
+
+    /// Makes room for it. Buffers that grow lose their content.
+    pub(in crate::backend) fn fit(&self, device: &Device, buffers: &mut Buffers) -> Result<(), BackendError> {
+        // The last offset is followed by all that a program binds.
+        grow(device, &mut buffers.views, "views", self.views.len() as u64 + VIEW_BYTES)?;
+        grow(device, &mut buffers.uniforms, "tables", self.uniforms.len() as u64 + TABLE_BYTES)?;
+        grow(device, &mut buffers.segments, "segments", size_of_val(&self.segments[..]) as u64)?;
+        grow(device, &mut buffers.lights, "lights", size_of_val(&self.lights[..]) as u64)?;
+        grow(device, &mut buffers.moments, "moments", size_of_val(&self.moments[..]) as u64)
+    }
+
+    /// Writes it, before what is submitted next.
+    pub(in crate::backend) fn write(&self, state: &DeviceState) {
+        let (device, buffers) = (&state.device, &state.buffers);
+        let parts: [(&wgpu::Buffer, &[u8]); 5] = [
+            (&buffers.views, &self.views),
+            (&buffers.uniforms, &self.uniforms),
+            (&buffers.segments, bytemuck::cast_slice(&self.segments)),
+            (&buffers.lights, bytemuck::cast_slice(&self.lights)),
+            (&buffers.moments, bytemuck::cast_slice(&self.moments)),
+        ];
+        for (buffer, bytes) in parts {
+            device.write(buffer, 0, bytes);
+        }
+    }
+}
+
+/// Appends a uniform, where one may begin. Returns that place.
+fn append(to: &mut Vec<u8>, bytes: &[u8]) -> u32 {
+    let at = to.len().next_multiple_of(UNIFORM_STRIDE as usize);
+    to.resize(at, 0);
+    to.extend_from_slice(bytes);
+    at as u32
+}
+
+/// Finds the views that add to the same part of the film. They follow each other.
+fn join_films(views: &mut [View]) {
+    let mut first = 0;
+    for number in 0..views.len() {
+        if views[number].film_tile != views[first].film_tile {
+            first = number;
+        }
+        views[number].same_film = 0;
+        views[first].same_film += 1;
+    }
+}
+
+const _: () = assert!(size_of::<View>().is_multiple_of(16) && VIEW_BYTES <= 1 << 16 && VIEWS > 0);
