@@ -37,7 +37,7 @@ struct Totals {
 
 // Dispatches write this one after the other. The host reads it after the frame.
 struct Status {
-    // Greatest number of entries that a batch needed.
+    // Greatest number of entries that a round needed.
     most_entries: u32,
     // Number of splats that were made so far, 64 bits.
     splats_low: u32,
@@ -292,8 +292,23 @@ fn bin_starts(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x == tiles { return; }
     // Wide splats are in the lists of all tiles of their view; here they count as if there were one view.
     let own = entries_before(id.x + 1u, first) - first;
-    atomicMax(&status.last_longest, own + totals.wide);
+    atomicMax(&status.last_longest, own + entries_at_rest(id.x) + totals.wide);
     if own > 0u { atomicAdd(&status.last_tiles, 1u); }
+}
+
+// Number of entries of the tile at rest that tile `tile` shares with others.
+fn entries_at_rest(tile: u32) -> u32 {
+    var low = 0u;
+    var high = views[0].views;
+    while low + 1u < high {
+        let middle = (low + high) / 2u;
+        if views[middle].first_tile <= tile { low = middle; } else { high = middle; }
+    }
+    let rest = views[low].rest;
+    if rest == low { return 0u; }
+    let tile_at_rest = views[rest].first_tile + (tile - views[low].first_tile);
+    let first = entries_before(tile_at_rest, 0u);
+    return entries_before(tile_at_rest + 1u, first) - first;
 }
 
 // Number of entries of tiles before `tile`, at least `least`.

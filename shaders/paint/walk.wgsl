@@ -7,8 +7,10 @@ fn rest_tile_of(tile: vec2<u32>) -> u32 {
     return views[view.rest].first_tile + tile.y * view.tiles.x + tile.x;
 }
 
-// Is there nothing of the view's own in the tile, so that all that is known of it is known of the tile at rest?
+// Is there nothing to be found out of the tile: nothing of the view's own is in it, so that all is known of the tile at
+// rest, or nobody asks for it?
 fn rests(tile: vec2<u32>) -> bool {
+    if (view.flags & LISTS_ALONE) != 0u { return true; }
     let index = tile_of(tile);
     let wide_at = view.round_tiles + 1u + view.number;
     return (view.flags & SHARES_TILES) != 0u && starts[index] == starts[index + 1u]

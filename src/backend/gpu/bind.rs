@@ -1,4 +1,4 @@
-//! Binds the programs of a frame to their buffers and pipelines, once for each frame.
+//! Binds the programs of a frame to their buffers and pipelines.
 
 use std::sync::Arc;
 
@@ -7,13 +7,13 @@ use wgpu::{
 };
 
 use super::bind_groups::{BindGroups, Bound};
-use super::buffers::{Buffers, TABLE_BYTES, VIEW_BYTES};
+use super::buffers::{Buffers, TABLE_BYTES};
 use super::calls::Calls;
 use super::constants::{
     paint_resolve_constants, slice_constants, swept_constants, swept_resolve_constants, value_constants,
 };
 use super::device::Device;
-use super::layout::DIGIT_BITS;
+use super::layout::{DIGIT_BITS, VIEW_BYTES};
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, KernelKind, Pipelines, Program, Slot};
@@ -368,7 +368,7 @@ impl Binder<'_> {
 
     /// Binds the programs that write to the parts of the film. A part is its first byte and its length.
     fn film_parts(&mut self, prepared: &Prepared<'_>, parts: &[(u64, u64)]) -> Result<Vec<FilmPart>, BackendError> {
-        let Prepared { frame, channels, planes, .. } = prepared;
+        let Prepared { frame, channels, planes, schedule, .. } = prepared;
         let constants = match frame.swept {
             Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
             None => paint_resolve_constants(frame, channels, planes),
@@ -385,7 +385,8 @@ impl Binder<'_> {
         let captures = frame.blending.is_some();
         let whole = prepared.binds_whole_film();
         let part = |&(offset, bytes): &(u64, u64)| {
-            let (offset, bytes) = if whole { (0, film.size()) } else { (offset, bytes) };
+            // The buffer may be larger than a binding.
+            let (offset, bytes) = if whole { (0, schedule.film_bytes) } else { (offset, bytes) };
             let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
             let over = if captures { Some(self.over(prepared, part.clone())?) } else { None };
             let special = [(Slot::Film, if captures { opaque.as_entire_buffer_binding() } else { part })];

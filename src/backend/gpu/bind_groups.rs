@@ -36,7 +36,7 @@ pub(in crate::backend) struct BindGroups {
 }
 
 impl BindGroups {
-    /// Begins the binding of a frame.
+    /// Begins the binding of a frame, or of a chunk that needs more room.
     pub(super) fn begin(&mut self) {
         self.round += 1;
         let round = self.round;

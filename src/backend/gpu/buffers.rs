@@ -5,13 +5,15 @@ use std::sync::{Arc, Weak};
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
-use super::layout::{DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEWS, View, WORKGROUP_ITEMS, WORKGROUPS};
+use super::layout::{
+    DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEW_BYTES, VIEWS, WORKGROUP_ITEMS, WORKGROUPS,
+};
 use super::memory::{MAP_BYTES, Schedule};
 use crate::backend::BackendError;
 use crate::environment::{Cube, Surroundings};
 use crate::layout::FilteredSplat;
 
-/// The buffers that the passes of one group and batch exchange, and the film.
+/// The buffers that the passes of one round exchange, and the film.
 #[derive(Debug)]
 pub(in crate::backend) struct Buffers {
     pub views: Buffer,
@@ -57,8 +59,7 @@ pub(in crate::backend) struct Buffers {
     pub entries: u64,
 }
 
-/// Bytes of the views, and of the table of workgroups, that a program binds.
-pub(in crate::backend) const VIEW_BYTES: u64 = VIEWS as u64 * size_of::<View>() as u64;
+/// Bytes of the table of workgroups that a program binds.
 pub(in crate::backend) const TABLE_BYTES: u64 = 8 * WORKGROUPS as u64;
 /// Bytes of the moments of an interval.
 const MOMENT_BYTES: u64 = size_of::<[f32; 32]>() as u64;

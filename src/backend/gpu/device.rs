@@ -9,6 +9,7 @@ use wgpu::{
 
 use super::calls::Calls;
 use super::lanes::Lanes;
+use super::layout::VIEW_BYTES;
 use crate::backend::BackendError;
 
 /// Which adapters are wanted.
@@ -156,6 +157,15 @@ impl Device {
                 what: format!(
                     "a program needs {STORAGE_BUFFERS} storage buffers, but the device has {}",
                     limits.max_storage_buffers_per_shader_stage
+                ),
+            });
+        }
+        if limits.max_uniform_buffer_binding_size < VIEW_BYTES {
+            return Err(BackendError::Device {
+                adapter: info.name,
+                what: format!(
+                    "a program needs uniforms of {VIEW_BYTES} bytes, but the device binds {}",
+                    limits.max_uniform_buffer_binding_size
                 ),
             });
         }

@@ -38,6 +38,8 @@ pub(in crate::backend) struct Flight {
     entries: u64,
     most_entries: u64,
     slots: u64,
+    /// Groups of a round.
+    groups: u64,
     /// Entries of the longest list that programs walk over to its end.
     most_list: u64,
 }
@@ -83,6 +85,7 @@ impl Gpu {
             entries: buffers.entries,
             most_entries: schedule.most_entries,
             slots: schedule.slots,
+            groups: schedule.round_groups,
             most_list,
             frame,
         })
@@ -117,7 +120,7 @@ impl Gpu {
         let wanted = u64::from(status.most_entries);
         let (has_room, has_turns) = (wanted <= flight.entries, status.longest() <= flight.most_list);
         let fits = has_room && has_turns;
-        status.count(&mut calls);
+        calls += status.count();
         let mut stats = Stats { gpu: Some(calls), ..Stats::of(&frame) };
         let picture = fits.then(|| {
             let film = DeviceFilm {
@@ -139,11 +142,17 @@ impl Gpu {
         self.landings.push(flight.landing);
         if has_turns && wanted <= flight.most_entries {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
+        } else if flight.groups > 1 {
+            self.most_groups = self.most_groups.min(flight.groups / 2);
         } else if flight.slots > 1 {
             // This ends: a batch of one splat has few entries.
             self.most_slots = self.most_slots.min(flight.slots / 2);
         } else {
-            let what = format!("lists of {wanted} entries do not fit into its buffers");
+            let what = if has_turns {
+                format!("lists of {wanted} entries do not fit into its buffers")
+            } else {
+                format!("a list of {} entries is longer than its loops", status.longest())
+            };
             return Err(self.state.device.error(what));
         }
         Ok(picture.map(|picture| Rendered { picture, stats }).ok_or((frame, calls)))

@@ -22,6 +22,8 @@ pub(in crate::backend) const DIGIT_BITS: u32 = 6;
 pub(in crate::backend) const UNIFORM_STRIDE: u64 = 256;
 /// Views that a program binds: most groups of a round.
 pub(in crate::backend) const VIEWS: u32 = 128;
+/// Bytes of those views.
+pub(in crate::backend) const VIEW_BYTES: u64 = VIEWS as u64 * size_of::<View>() as u64;
 /// Workgroups of a table of surfels, each with its segment and its place in the segment.
 pub(in crate::backend) const WORKGROUPS: usize = 2048;
 /// Surfels of a workgroup.
@@ -89,6 +91,8 @@ pub(in crate::backend) const LAST_SLAB: u32 = 4;
 pub(in crate::backend) const IS_REST: u32 = 8;
 /// Tiles into which nothing of the view's own moves are those of the view at rest.
 pub(in crate::backend) const SHARES_TILES: u32 = 16;
+/// Nobody asks for more of the view than its lists.
+pub(in crate::backend) const LISTS_ALONE: u32 = 32;
 
 /// Kinds of [`Light`], the w of its vector. All others are point lights.
 pub(in crate::backend) const AMBIENT: f32 = 0.0;
@@ -233,14 +237,16 @@ impl Status {
         u64::from(self.longest.max(self.last_longest))
     }
 
-    /// What the passes were that walked over lists.
-    pub(in crate::backend) fn count(&self, calls: &mut GpuCalls) {
+    /// Counts the passes that walked over lists.
+    pub(in crate::backend) fn count(&self) -> GpuCalls {
+        let mut calls = GpuCalls::default();
         let before = u64::from(self.chain_high) << 32 | u64::from(self.chain_low);
         let share = (self.last_tiles as f32 * TILE as f32 * TILE as f32 / LARGE_GPU).min(1.0);
         calls.chain = before + u64::from(self.last_walks) * u64::from(self.last_longest);
         calls.walks = u64::from(self.walks) + u64::from(self.last_walks);
         let filled = f64::from(self.filled) + f64::from(self.last_walks) * f64::from(share);
         calls.fill = if calls.walks > 0 { filled / calls.walks as f64 } else { 0.0 };
+        calls
     }
 }
 

@@ -17,6 +17,8 @@ pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 const ENTRY_BYTES: u64 = 17;
 /// Tiles of a round, beside those of one group, that keep a device busy.
 const MOST_ROUND_TILES: u64 = 1 << 14;
+/// Groups of a round, what is at rest among them, where groups share that: it is painted once a round.
+const SHARING_GROUPS: u64 = 9;
 /// Bytes of a tile of the map beside its start: the map and thresholds.
 const MAP_TILE_BYTES: u64 = 2 * 4 * TILE_PIXELS + 4;
 /// Planes of the coverage mask of kernels in motion that are not published.
@@ -356,11 +358,15 @@ impl Schedule {
         let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
         // What is left beside the lists of a batch makes room for rounds, and for longer lists.
         let each_slot = slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES;
+        let each_group = (samples * surfels).clamp(1, slots);
         let spare = left.saturating_sub(slots * each_slot + LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / 2;
         let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest {
-            let (tile_bound, slot_bound) = (bound_of_tiles / band_tiles.max(1), bound / slots.max(1));
-            (1 + spare / (band_tiles * tile_bytes + slots * each_slot).max(1))
-                .min(1 + MOST_ROUND_TILES / band_tiles.max(1))
+            let tile_bound = bound_of_tiles / band_tiles.max(1);
+            let slot_bound = 1 + bound.saturating_sub(slots) / each_group;
+            let enough = 1 + MOST_ROUND_TILES / band_tiles.max(1);
+            let shares = if frame.shares_rest() { SHARING_GROUPS } else { 1 };
+            (1 + spare / (band_tiles * tile_bytes + each_group * each_slot).max(1))
+                .min(enough.max(shares))
                 .min(limits.groups)
                 .min(tile_bound)
                 .min(slot_bound)
@@ -371,7 +377,7 @@ impl Schedule {
             1
         };
         let left = left - (round_groups - 1) * band_tiles * tile_bytes;
-        let (round_slots, round_tiles) = (round_groups * slots, round_groups * band_tiles);
+        let (round_slots, round_tiles) = (slots + (round_groups - 1) * each_group, round_groups * band_tiles);
         let most_entries = ((left.saturating_sub(round_slots * slot_bytes)) / ENTRY_BYTES)
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .max(gaussians)

@@ -208,8 +208,17 @@ fn upload_gaussians(
 
 /// A buffer of columns, one after the other.
 fn columns(device: &Device, label: &str, columns: &[&[u8]]) -> Result<Buffer, BackendError> {
-    let bytes = columns.concat();
-    let buffer = device.buffer(label, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-    device.write(&buffer, 0, &bytes);
+    let bytes = columns.iter().map(|column| column.len() as u64).sum();
+    let buffer = device.buffer(label, bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+    if bytes > UNDER_WAY {
+        // A copy of all would take much memory.
+        let mut at = 0;
+        for column in columns {
+            device.write(&buffer, at, column);
+            at += column.len() as u64;
+        }
+    } else {
+        device.write(&buffer, 0, &columns.concat());
+    }
     Ok(buffer)
 }

@@ -24,19 +24,27 @@ impl Gpu {
         let mut encoder = self.state.encoder();
         encoder.clear_buffer(&self.state.buffers.film, 0, None);
         encoder.clear_buffer(&self.state.buffers.status, 0, None);
+        let mut bound = None;
         for (number, Chunk { tasks, upload }) in walk(prepared, self.state.buffers.entries).enumerate() {
             if number > 0 {
                 // What was uploaded for the chunk before is in use until that is submitted.
                 self.state.device.submit([encoder]);
                 encoder = self.state.encoder();
             }
-            let programs = self.bind(prepared, &upload)?;
+            if !upload.fits(&self.state.buffers) {
+                bound = None;
+            }
+            let programs = match bound {
+                Some(programs) => programs,
+                None => self.bind(prepared, &upload)?,
+            };
             upload.write(&self.state);
-            let mut recorder = Recorder { state: &self.state, programs: &programs, marks, encoder };
+            let mut recorder = Recorder::new(&self.state, &programs, marks, encoder);
             for task in &tasks {
                 recorder.task(prepared, task)?;
             }
             encoder = recorder.end();
+            bound = Some(programs);
         }
         self.state.device.check()?;
         Ok(encoder)
@@ -86,9 +94,7 @@ impl Recorder<'_> {
                 dispatch(&mut self.pass(Stage::Resolve), finish, *tiles, *view);
             }
         }
-        if self.marks.is_full() {
-            self.flush();
-        }
+        self.flush_if_long();
         Ok(())
     }
 }

@@ -9,6 +9,10 @@ use super::timestamps::{Marks, Stage};
 use super::upload::{Placed, SurfelDispatch};
 use crate::plan::{BatchPass, TilePass};
 
+/// Slots of lists after which a frame is submitted in parts. Systems take a device for hung that does not answer for
+/// some seconds.
+const LONG: u64 = 1 << 24;
+
 /// What a step records, pass by pass.
 pub(in crate::backend) trait StepWork {
     /// Its passes.
@@ -30,9 +34,28 @@ pub(in crate::backend) struct Recorder<'a> {
     pub programs: &'a BoundPrograms,
     pub marks: &'a mut Marks,
     pub encoder: CommandEncoder,
+    /// Slots of the lists that were recorded since the last submission.
+    recorded: u64,
 }
 
-impl Recorder<'_> {
+impl<'a> Recorder<'a> {
+    pub(in crate::backend) fn new(
+        state: &'a DeviceState,
+        programs: &'a BoundPrograms,
+        marks: &'a mut Marks,
+        encoder: CommandEncoder,
+    ) -> Self {
+        Self { state, programs, marks, encoder, recorded: 0 }
+    }
+
+    /// Submits what is recorded, if it is so much that a device would not answer for long, or if times of no more
+    /// passes can be measured.
+    pub(in crate::backend) fn flush_if_long(&mut self) {
+        if self.recorded > LONG || self.marks.is_full() {
+            self.flush();
+        }
+    }
+
     /// Begins a pass, whose time counts for `stage`.
     pub(in crate::backend) fn pass(&mut self, stage: Stage) -> ComputePass<'_> {
         let timestamp_writes = self.marks.mark(stage);
@@ -48,6 +71,7 @@ impl Recorder<'_> {
     /// Submits what is recorded.
     pub(in crate::backend) fn flush(&mut self) {
         self.marks.collect(&mut self.encoder);
+        self.recorded = 0;
         let done = std::mem::replace(&mut self.encoder, self.state.encoder());
         self.state.device.submit([done]);
     }
@@ -67,9 +91,7 @@ impl Recorder<'_> {
                     at_hand = Some(number);
                 }
                 self.record(work, pass, batch);
-                if self.marks.is_full() {
-                    self.flush();
-                }
+                self.flush_if_long();
             }
         }
     }
@@ -97,6 +119,7 @@ impl Recorder<'_> {
     /// Records pass `bin` of one batch. `emit`: the program that emits its entries.
     pub(in crate::backend) fn bin(&mut self, emit: &BoundProgram, batch: &Placed) {
         let (state, programs) = (self.state, self.programs);
+        self.recorded += u64::from(batch.slots);
         lists(state, &mut self.pass(Stage::Bin), &programs.bin, emit, batch);
     }
 }

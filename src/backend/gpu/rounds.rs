@@ -5,7 +5,7 @@ use std::iter::Peekable;
 
 use super::batches::Batch;
 use super::job::{Job, JobPlace};
-use super::layout::{IS_REST, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Segment, VIEWS, View};
+use super::layout::{IS_REST, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Segment, VIEWS, View};
 use super::memory::makes_rounds;
 use super::prepared::Prepared;
 use super::transparent::TransparentStep;
@@ -203,7 +203,8 @@ impl<'a> Round<'a> {
     /// both.
     fn add_sharing(&mut self, chunk: &mut Chunk<'a>, job: Job<'a>, batch: &Batch, entries: u64) -> bool {
         let schedule = &job.place.prepared.schedule;
-        if schedule.round_groups < 2 {
+        // With one other group nothing would be shared.
+        if schedule.round_groups < 3 {
             return false;
         }
         let slots = u64::from(batch.slots);
@@ -214,15 +215,17 @@ impl<'a> Round<'a> {
             None => [slots, 2],
         };
         self.make_room(chunk, &job, more, entries);
+        // The coverage of several samples holds their weights.
+        let shares_tiles = job.group.samples.len() == 1;
         let [of_rest, moving] = batch.parted(job.group.samples.len() as u32);
         let number = known(self).unwrap_or_else(|| {
             let number = self.groups.len() as u32;
-            self.push(Job { flags: job.flags | IS_REST, ..job }, of_rest.clone(), number);
+            let alone = if shares_tiles { 0 } else { LISTS_ALONE };
+            self.push(Job { flags: job.flags | IS_REST | alone, ..job }, of_rest.clone(), number);
             self.rest = Some((number, of_rest));
             number
         });
-        // The coverage of several samples holds their weights.
-        let flags = if job.group.samples.len() == 1 { SHARES_TILES } else { 0 };
+        let flags = if shares_tiles { SHARES_TILES } else { 0 };
         self.push(Job { flags: job.flags | flags, ..job }, moving, number);
         true
     }

@@ -221,9 +221,7 @@ impl<'a> TransparentStep<'a> {
                     }
                 }
             }
-            if recorder.marks.is_full() {
-                recorder.flush();
-            }
+            recorder.flush_if_long();
         }
     }
 
@@ -362,7 +360,7 @@ impl super::Gpu {
         upload.write(&self.state);
         let mut marks = Marks::new(&self.state.device).unwrap();
         let (state, encoder) = (&self.state, self.state.encoder());
-        let mut recorder = Recorder { state, programs: &programs, marks: &mut marks, encoder };
+        let mut recorder = Recorder::new(state, &programs, &mut marks, encoder);
         let step = TransparentStep { samples: Vec::new(), tiles: place.area().tiles, runs };
         step.project(&mut recorder, programs.transparent.as_ref().unwrap(), sample.view, &sample.middle);
         recorder.flush();

@@ -8,10 +8,10 @@ use bytemuck::Zeroable;
 
 use super::DeviceState;
 use super::batches::Batch;
-use super::buffers::{Buffers, TABLE_BYTES, VIEW_BYTES, grow};
+use super::buffers::{Buffers, TABLE_BYTES, grow};
 use super::device::Device;
 use super::job::Job;
-use super::layout::{Light, Segment, UNIFORM_STRIDE, VIEWS, View, WORKGROUP_SURFELS, WORKGROUPS, lights};
+use super::layout::{Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, VIEWS, View, WORKGROUP_SURFELS, WORKGROUPS, lights};
 use crate::backend::BackendError;
 use crate::frame::PosedSample;
 use crate::plan::PosedInterval;
@@ -200,8 +200,26 @@ impl Upload {
         placed
     }
 
+    /// Is there room for it?
+    pub(in crate::backend) fn fits(&self, buffers: &Buffers) -> bool {
+        buffers.views.size() >= self.views.len() as u64 + VIEW_BYTES
+            && buffers.uniforms.size() >= self.uniforms.len() as u64 + TABLE_BYTES
+            && buffers.segments.size() >= size_of_val(&self.segments[..]) as u64
+            && buffers.lights.size() >= size_of_val(&self.lights[..]) as u64
+            && buffers.moments.size() >= size_of_val(&self.moments[..]) as u64
+    }
+
     /// Makes room for it. Buffers that grow lose their content.
     pub(in crate::backend) fn fit(&self, device: &Device, buffers: &mut Buffers) -> Result<(), BackendError> {
+        let bytes = size_of_val(&self.segments[..]) as u64;
+        if bytes > device.most_bytes() {
+            return Err(device.error(format!(
+                "the poses of {} objects and parts of them take {bytes} bytes, but a program can bind {}: take \
+                 `--backend cpu`",
+                self.segments.len(),
+                device.most_bytes()
+            )));
+        }
         // The last offset is followed by all that a program binds.
         grow(device, &mut buffers.views, "views", self.views.len() as u64 + VIEW_BYTES)?;
         grow(device, &mut buffers.uniforms, "tables", self.uniforms.len() as u64 + TABLE_BYTES)?;

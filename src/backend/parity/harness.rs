@@ -226,7 +226,7 @@ impl<'a> Harness<'a> {
     fn recorded(&self, record: impl FnOnce(&mut Recorder<'_>)) {
         let mut marks = Marks::new(&self.gpu.state.device).unwrap();
         let (state, programs) = (&self.gpu.state, &self.programs);
-        let mut recorder = Recorder { state, programs, marks: &mut marks, encoder: state.encoder() };
+        let mut recorder = Recorder::new(state, programs, &mut marks, state.encoder());
         record(&mut recorder);
         recorder.flush();
         self.gpu.state.device.check().unwrap();

@@ -84,6 +84,19 @@ fn sums_keep_to_the_limit_of_a_binding() {
     }
 }
 
+/// Loops that end early: lists are cut until they are short, those of what is at rest with them.
+#[test]
+fn lists_that_are_too_long_split_the_batches() {
+    let Some(mut roomy) = gpu_or_skip("lists_that_are_too_long_split_the_batches") else { return };
+    for case in &shared_rest::cases()[..2] {
+        let want = picture(&mut roomy, case);
+        let mut gpu = roomy.beside();
+        gpu.most_turns = 200;
+        assert_eq!(picture(&mut gpu, case), want, "{}", case.name);
+        assert!(gpu.most_groups == 1 && gpu.most_slots < 1000, "{}: {}", case.name, gpu.most_slots);
+    }
+}
+
 #[test]
 fn lists_that_cannot_grow_split_the_batches() {
     let Some(mut roomy) = gpu_or_skip("lists_that_cannot_grow_split_the_batches") else { return };

@@ -24,7 +24,7 @@ use crate::backend::cpu::transparent::project::{
 };
 use crate::backend::gpu::layout::{
     AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME, IS_REST,
-    LARGE_GPU, LAST_SLAB, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Status, TILE, VIEWS, WIDEST,
+    LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Status, TILE, VIEWS, WIDEST,
     WORKGROUP_ITEMS, WORKGROUPS,
 };
 use crate::backend::gpu::memory::MASKS;
@@ -104,6 +104,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
         ("LAST_SLAB", whole(LAST_SLAB)),
         ("IS_REST", whole(IS_REST)),
+        ("LISTS_ALONE", whole(LISTS_ALONE)),
         ("MOST_PLANES", whole(FilmPlanes::of(&Aov::ALL).pooled().count)),
         ("SHARES_TILES", whole(SHARES_TILES)),
         // The bits of flags above all that kernels in motion have.
