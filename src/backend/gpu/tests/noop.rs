@@ -47,7 +47,8 @@ fn a_frame_is_one_submission_of_few_dispatches() {
         moving
     };
     let still = object(ball(50_000, 1, true), DVec3::new(-0.2, 0.0, -3.0));
-    let scene = scene(vec![still, moves(2, DVec3::X), moves(3, DVec3::Y), moves(4, DVec3::Z)], [960, 540]);
+    let scene =
+        scene(vec![still, moves(2, 0.1 * DVec3::X), moves(3, 0.1 * DVec3::Y), moves(4, 0.1 * DVec3::Z)], [960, 540]);
     let auto = RenderOptions::default();
     let calls = steady(&mut gpu, &scene, &auto);
     assert_eq!((calls.submissions, calls.bind_groups), (2, 0), "two halves of the first round: {calls:?}");
