@@ -142,6 +142,9 @@ impl Gpu {
         self.landings.push(flight.landing);
         if has_turns && wanted <= flight.most_entries {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
+        } else if !has_turns && flight.slots > flight.most_list {
+            // No list of a batch has more entries than that has slots.
+            self.most_slots = self.most_slots.min(flight.most_list).max(1);
         } else if flight.groups > 1 {
             self.most_groups = self.most_groups.min(flight.groups / 2);
         } else if flight.slots > 1 {

@@ -63,8 +63,10 @@ pub struct Gpu {
     pub(super) most_bytes: u64,
     /// Most slots of a batch. It shrinks when the lists of larger batches do not fit.
     pub(super) most_slots: u64,
-    /// Most turns of a program's loops.
+    /// Most slots of a batch whose lists are not watched, and most entries of a list that is: of programs that walk
+    /// over it once.
     pub(super) most_turns: u64,
+    pub(super) most_list: u64,
     /// Most groups of a round.
     pub(super) most_groups: u64,
     /// Most entries to make room for, even if a program could bind more.
@@ -87,9 +89,11 @@ pub(in crate::backend) struct DeviceState {
     pub(super) buffers: Buffers,
 }
 
-/// Most turns of a program's loops on a software device. Mesa's llvmpipe silently ends a shader's loops after 65,535
-/// iterations in all, and the list of one tile may hold every slot of a batch.
-const SOFTWARE_TURNS: u64 = 60_000;
+/// Most slots of a batch on a software device. Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations
+/// in all, and the list of one tile may hold every slot of a batch.
+const SOFTWARE_SLOTS: u64 = 60_000;
+/// Most entries of a list there that a program walks over once, where lists are watched. Each takes two iterations.
+const SOFTWARE_LIST: u64 = 30_000;
 
 impl Gpu {
     /// Opens the best of the adapters that are wanted.
@@ -111,7 +115,8 @@ impl Gpu {
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: u64::MAX,
-            most_turns: if software { SOFTWARE_TURNS } else { u64::MAX },
+            most_turns: if software { SOFTWARE_SLOTS } else { u64::MAX },
+            most_list: if software { SOFTWARE_LIST } else { u64::MAX },
             most_groups: u64::from(VIEWS),
             most_entries: u64::MAX,
             first_entries: u64::MAX,

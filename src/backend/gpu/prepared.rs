@@ -49,10 +49,11 @@ impl Gpu {
         // Full EWA walks over a list twice, once for the band and once for the other layers.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
         let takes_two = frame.slices() > 0 || layers > 1;
-        let turns = if takes_two { self.most_turns / 2 } else { self.most_turns };
+        let walks = if takes_two { 2 } else { 1 };
         // The lists of opaque surfels at instants are watched instead: they hold a small part of a batch.
         let watches = frame.swept.is_none() && frame.blending.is_none() && !frame.has_see_through();
-        let (slots, most_list) = if watches { (u64::MAX, turns) } else { (turns, u64::MAX) };
+        let (slots, most_list) =
+            if watches { (u64::MAX, self.most_list / walks) } else { (self.most_turns / walks, u64::MAX) };
         let slots = slots.min(self.most_slots);
         let limits = Limits { bytes: self.most_bytes, slots, groups: self.most_groups };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
