@@ -12,7 +12,7 @@ fn root() -> &'static Path {
 /// A file that no program names is dead, and yet it looks as if it did something.
 #[test]
 fn programs_have_every_shader() {
-    let programs = fs::read_to_string(root().join("src/backend/gpu/programs.rs")).unwrap();
+    let programs = fs::read_to_string(root().join("src/backend/gpu/texts.rs")).unwrap();
     let shaders = root().join("shaders");
     let mut files = Vec::new();
     walk(&shaders, &mut files);

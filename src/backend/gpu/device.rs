@@ -151,23 +151,16 @@ impl Device {
     /// Opens an adapter, which is taken for what `info` says.
     pub(in crate::backend) fn of(adapter: &Adapter, info: AdapterInfo) -> Result<Self, BackendError> {
         let limits = adapter.limits();
-        if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
-            return Err(BackendError::Device {
-                adapter: info.name,
-                what: format!(
-                    "a program needs {STORAGE_BUFFERS} storage buffers, but the device has {}",
-                    limits.max_storage_buffers_per_shader_stage
-                ),
-            });
-        }
-        if limits.max_uniform_buffer_binding_size < VIEW_BYTES {
-            return Err(BackendError::Device {
-                adapter: info.name,
-                what: format!(
-                    "a program needs uniforms of {VIEW_BYTES} bytes, but the device binds {}",
-                    limits.max_uniform_buffer_binding_size
-                ),
-            });
+        let (buffers, bytes) = (limits.max_storage_buffers_per_shader_stage, limits.max_uniform_buffer_binding_size);
+        let lacks = if buffers < STORAGE_BUFFERS {
+            Some(format!("a program needs {STORAGE_BUFFERS} storage buffers, but the device has {buffers}"))
+        } else if bytes < VIEW_BYTES {
+            Some(format!("a program needs uniforms of {VIEW_BYTES} bytes, but the device binds {bytes}"))
+        } else {
+            None
+        };
+        if let Some(what) = lacks {
+            return Err(BackendError::Device { adapter: info.name, what });
         }
         let timestamps = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
         let description = wgpu::DeviceDescriptor {

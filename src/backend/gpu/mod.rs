@@ -30,6 +30,7 @@ mod see_through;
 pub(super) mod steps;
 #[cfg(test)]
 pub(super) mod tests;
+mod texts;
 pub(super) mod timestamps;
 pub(super) mod transparent;
 pub(super) mod upload;
@@ -63,9 +64,9 @@ pub struct Gpu {
     pub(super) most_bytes: u64,
     /// Most slots of a batch. It shrinks when the lists of larger batches do not fit.
     pub(super) most_slots: u64,
-    /// Most slots of a batch whose lists are not watched, and most entries of a list that is: of programs that walk
-    /// over it once.
-    pub(super) most_turns: u64,
+    /// Most slots of a batch whose lists are not watched, and most entries of a list that is watched: where programs
+    /// walk over it once.
+    most_unwatched: u64,
     pub(super) most_list: u64,
     /// Most groups of a round.
     pub(super) most_groups: u64,
@@ -115,7 +116,7 @@ impl Gpu {
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: u64::MAX,
-            most_turns: if software { SOFTWARE_SLOTS } else { u64::MAX },
+            most_unwatched: if software { SOFTWARE_SLOTS } else { u64::MAX },
             most_list: if software { SOFTWARE_LIST } else { u64::MAX },
             most_groups: u64::from(VIEWS),
             most_entries: u64::MAX,

@@ -48,12 +48,13 @@ impl Gpu {
         // for them: a thousand kernels of a batch at one pixel, if each touches 32.
         // Full EWA walks over a list twice, once for the band and once for the other layers.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
-        let takes_two = frame.slices() > 0 || layers > 1;
-        let walks = if takes_two { 2 } else { 1 };
+        let walks = if frame.slices() > 0 || layers > 1 { 2 } else { 1 };
         // The lists of opaque surfels at instants are watched instead: they hold a small part of a batch.
-        let watches = frame.swept.is_none() && frame.blending.is_none() && !frame.has_see_through();
-        let (slots, most_list) =
-            if watches { (u64::MAX, self.most_list / walks) } else { (self.most_turns / walks, u64::MAX) };
+        let (slots, most_list) = if makes_rounds(frame) {
+            (u64::MAX, self.most_list / walks)
+        } else {
+            (self.most_unwatched / walks, u64::MAX)
+        };
         let slots = slots.min(self.most_slots);
         let limits = Limits { bytes: self.most_bytes, slots, groups: self.most_groups };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;

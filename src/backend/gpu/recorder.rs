@@ -118,27 +118,16 @@ impl<'a> Recorder<'a> {
 
     /// Records pass `bin` of one batch. `emit`: the program that emits its entries.
     pub(in crate::backend) fn bin(&mut self, emit: &BoundProgram, batch: &Placed) {
-        let (state, programs) = (self.state, self.programs);
+        let (state, BinPrograms { reduce, scan, sort, starts }) = (self.state, &self.programs.bin);
         self.recorded += u64::from(batch.slots);
-        lists(state, &mut self.pass(Stage::Bin), &programs.bin, emit, batch);
+        let recorder = &mut self.pass(Stage::Bin);
+        let groups = [batch.slots.div_ceil(WORKGROUP_ITEMS), 1];
+        dispatch(recorder, reduce, groups, batch.view);
+        dispatch(recorder, scan, [1, 1], batch.view);
+        dispatch(recorder, emit, groups, batch.view);
+        state.sort(recorder, sort, batch.view);
+        dispatch(recorder, starts, [(batch.round_tiles + 2 + batch.views).div_ceil(256), 1], batch.view);
     }
-}
-
-/// Records the programs of pass `bin`. `emit`: the one that emits entries.
-pub(in crate::backend) fn lists(
-    state: &DeviceState,
-    recorder: &mut ComputePass<'_>,
-    programs: &BinPrograms,
-    emit: &BoundProgram,
-    batch: &Placed,
-) {
-    let BinPrograms { reduce, scan, sort, starts } = programs;
-    let groups = [batch.slots.div_ceil(WORKGROUP_ITEMS), 1];
-    dispatch(recorder, reduce, groups, batch.view);
-    dispatch(recorder, scan, [1, 1], batch.view);
-    dispatch(recorder, emit, groups, batch.view);
-    state.sort(recorder, sort, batch.view);
-    dispatch(recorder, starts, [(batch.round_tiles + 2 + batch.views).div_ceil(256), 1], batch.view);
 }
 
 impl DeviceState {

@@ -14,14 +14,14 @@ use super::DeviceState;
 use super::bind::{Binder, BoundProgram, FilmPart, TransparentPrograms};
 use super::captures::{Run, runs};
 use super::constants::{composite_constants, transparent_resolve_constants};
-use super::job::{JobPlace, group_scale};
+use super::job::{Job, JobPlace};
 use super::layout::{
     CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
     FLAG_LIT, FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
-use super::recorder::{Recorder, dispatch, lists};
+use super::recorder::{Recorder, dispatch};
 #[cfg(test)]
 use super::timestamps::Marks;
 use super::timestamps::Stage;
@@ -187,12 +187,12 @@ impl<'a> TransparentStep<'a> {
         entries: u64,
         upload: &mut Upload,
     ) -> Self {
-        let group = &place.position.groups[group];
-        let (runs, slots) = runs(place.prepared, group);
-        let light = upload.add_lights(&group.samples);
-        let of = Uploaded { place, group, runs: &runs, slots, surfels, light, entries };
-        let middle = group.samples.len() / 2;
-        let samples = (0..group.samples.len()).map(|sample| of.sample([middle, sample], upload)).collect();
+        let job = Job { flags: surfels, ..place.job(group) };
+        let (runs, slots) = runs(place.prepared, job.group);
+        let light = upload.add_lights(&job.group.samples);
+        let of = Uploaded { job, runs: &runs, slots, light, entries };
+        let middle = job.group.samples.len() / 2;
+        let samples = (0..job.group.samples.len()).map(|sample| of.sample([middle, sample], upload)).collect();
         Self { samples, tiles: place.area().tiles, runs }
     }
 
@@ -259,21 +259,18 @@ impl<'a> TransparentStep<'a> {
 
 /// Records pass `bin` of a slab: gathers its splats in the order of depth, and lists them.
 fn list(recorder: &mut Recorder<'_>, programs: &TransparentPrograms, slab: &Placed) {
-    let (state, bin) = (recorder.state, &recorder.programs.bin);
-    let mut pass = recorder.pass(Stage::Bin);
-    dispatch(&mut pass, &programs.gather, [slab.slots.div_ceil(WORKGROUP_ITEMS), 1], slab.view);
-    lists(state, &mut pass, bin, &programs.emit, slab);
+    let groups = [slab.slots.div_ceil(WORKGROUP_ITEMS), 1];
+    dispatch(&mut recorder.pass(Stage::Bin), &programs.gather, groups, slab.view);
+    recorder.bin(&programs.emit, slab);
 }
 
 /// A group that is uploaded, sample by sample.
 #[derive(Clone, Copy)]
 struct Uploaded<'a> {
-    place: JobPlace<'a>,
-    group: &'a PosedGroup,
+    job: Job<'a>,
     runs: &'a [Run<'a>],
     /// Gaussians of all runs.
     slots: u32,
-    surfels: u32,
     /// Its first light.
     light: u32,
     /// Entries that there is room for.
@@ -283,27 +280,15 @@ struct Uploaded<'a> {
 impl Uploaded<'_> {
     /// Uploads a sample, in the order of depth of sample `middle`.
     fn sample(&self, [middle, sample]: [usize; 2], upload: &mut Upload) -> PlacedSample {
-        let (prepared, raster) = (self.place.prepared, &self.place.position.raster);
-        let (frame, area) = (prepared.frame, self.place.area());
-        let of_group = View::of(frame, raster, self.group, &prepared.channels.shared);
+        let Job { place, group, .. } = self.job;
+        let of_group = self.job.view(self.entries);
         let all = View {
-            pixels: area.pixels.to_array(),
-            corner: area.corner,
-            tiles: area.tiles,
-            round_tiles: area.tiles[0] * area.tiles[1],
-            views: 1,
-            same_film: 1,
-            walks: 1,
-            first_tile_row: area.first_tile_row,
-            entry_capacity: self.entries.min(u64::from(u32::MAX)) as u32,
             slots: self.slots,
-            weight: self.group.samples[sample].weight,
-            flags: self.surfels,
-            opaque_scale: group_scale(self.group),
+            weight: group.samples[sample].weight,
             first_light: self.light + of_group.first_light,
             ..of_group
         };
-        let most = prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
+        let most = place.prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
         let mut slab = |first: u32| {
             let view = View {
                 first_place: first,
@@ -325,7 +310,7 @@ impl Uploaded<'_> {
         let slabs = (0..self.slots.max(1)).step_by(most as usize).map(&mut slab).collect();
         let totals: [u32; 4] = [self.slots.div_ceil(WORKGROUP_ITEMS), 1, 1, self.slots];
         let mut segments = |sample, keeps_layers| {
-            let segment = |run| segment(&self.place, self.group, sample, run, (keeps_layers, self.light));
+            let segment = |run| segment(&place, group, sample, run, (keeps_layers, self.light));
             self.runs.iter().map(|run| upload.add_uniform(bytemuck::bytes_of(&segment(run)))).collect()
         };
         PlacedSample {
@@ -333,7 +318,7 @@ impl Uploaded<'_> {
             middle: segments(middle, false),
             own: segments(sample, true),
             view: upload.add_views(&[all]),
-            backdrop: upload.add_uniform(bytemuck::bytes_of(&backdrop(frame))),
+            backdrop: upload.add_uniform(bytemuck::bytes_of(&backdrop(place.prepared.frame))),
             totals: upload.add_uniform(bytemuck::cast_slice(&totals)),
         }
     }
@@ -350,11 +335,11 @@ impl super::Gpu {
         let position = &frame.rasters[0].positions[0];
         let band = prepared.schedule.bands(0).next().unwrap();
         let place = JobPlace { prepared: &prepared, position, raster: 0, band, film: 0, film_tile: 0 };
-        let (mut upload, group) = (Upload::default(), &position.groups[0]);
-        let (runs, slots) = runs(&prepared, group);
-        let light = upload.add_lights(&group.samples);
+        let (mut upload, job) = (Upload::default(), place.job(0));
+        let (runs, slots) = runs(&prepared, job.group);
+        let light = upload.add_lights(&job.group.samples);
         let entries = self.state.buffers.entries;
-        let of = Uploaded { place, group, runs: &runs, slots, surfels: 0, light, entries };
+        let of = Uploaded { job, runs: &runs, slots, light, entries };
         let sample = of.sample([0, 0], &mut upload);
         let programs = self.bind(&prepared, &upload).unwrap();
         upload.write(&self.state);

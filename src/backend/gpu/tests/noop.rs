@@ -40,7 +40,7 @@ fn steady(gpu: &mut dyn Backend, scene: &Scene, options: &RenderOptions) -> GpuC
 #[test]
 fn a_frame_is_one_submission_of_few_dispatches() {
     let mut gpu = hardware();
-    // As many surfels and pixels as `three_objects` has.
+    // About as many surfels as `three_objects` has, and as many pixels.
     let moves = |number: u64, velocity: DVec3| {
         let mut moving = object(ball(30_000, number, false), DVec3::new(0.0, 0.5, -0.5 * number as f64));
         moving.motions = vec![Motion::Linear { velocity }];
