@@ -1,12 +1,12 @@
 //! The renderer: opens a device, and renders frames and sequences of scenes on it.
 
 mod queue;
+mod work;
 
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::auto;
 use crate::backend::cpu::Cpu;
 use crate::backend::{Backend, BackendError, Meter};
 use crate::files;
@@ -22,6 +22,7 @@ use crate::time::FrameNumber;
 
 use self::queue::RenderedFrames;
 pub use self::queue::{FinishedFrame, FrameError, FrameQueue};
+use self::work::FrameWork;
 #[cfg(feature = "gpu")]
 pub use crate::backend::gpu::{AdapterReport, adapters};
 pub use crate::backend::{Rendered, Stats};
@@ -147,7 +148,7 @@ impl Renderer {
     }
 
     /// Ends frames with [`BackendError::Stopped`] from now on, soon after `stop` is set. The CPU ends between two steps
-    /// of a frame, a GPU between two renderings of mode auto.
+    /// of a frame, a GPU between two renderings.
     pub fn heed(&mut self, stop: Arc<Stop>) {
         self.backend.heed(stop);
     }
@@ -268,35 +269,21 @@ pub(crate) fn render_checked(
     frame: FrameNumber,
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
-    let scene = &*scene.at_frame(frame.get())?;
-    check(scene, options)?;
-    let Cut { scene, errors } = as_fine(scene, frame, options);
-    let rendered = render_fine(backend, &scene, frame, &of_backend(options))?;
-    Ok(with_detail(rendered, &errors, options))
-}
-
-/// The same, of a scene with the surfels that the frame needs.
-fn render_fine(
-    backend: &mut dyn Backend,
-    scene: &Scene,
-    frame: FrameNumber,
-    options: &RenderOptions,
-) -> Result<Rendered, BackendError> {
     if options.look.aovs.contains(&Aov::Object) {
         let rendered = render_checked(backend, scene, frame, &without(options, Aov::Object))?;
-        return objects::add_layer(backend, scene, frame, options, rendered);
+        let scene = scene.at_frame(frame.get())?;
+        return objects::add_layer(backend, &as_fine(&scene, frame, options).scene, frame, options, rendered);
     }
-    if options.reconstruct {
-        let rendered = render_checked(backend, scene, frame, &with_velocity(options))?;
-        return Ok(reconstructed(rendered, options));
-    }
-    match options.quality {
-        Quality::Error(target) => auto::render(backend, scene, frame, options, target),
-        Quality::Mode(mode) => {
-            let frame = posed(backend, scene, frame, mode, options)?;
-            backend.render(frame)
+    let (mut work, mut steps) = FrameWork::begin(backend, scene, frame, options)?;
+    while steps > 0 {
+        let begun = work.land(backend);
+        if begun.is_err() {
+            (0..work.renderings() * (steps - 1)).for_each(|_| backend.abandon());
         }
+        steps = steps - 1 + begun?;
     }
+    let Some(rendered) = work.finish(backend) else { unreachable!("no step is left") };
+    Ok(rendered)
 }
 
 /// The scene with the surfels that a frame needs. Of a scene with these it is the same.

@@ -52,23 +52,11 @@ fn entry_of(walk: Walk, i: u32) -> u32 {
 fn entry_of_part(walk: Walk, i: u32) -> u32 {
     if walk.end_wide == walk.next_wide { return list[walk.next + i]; }
     // Entry i is the one before which i others are: some of the tile's own, the rest of them wide.
-    let own = walk.end - walk.next;
-    let all_wide = walk.end_wide - walk.next_wide;
-    var least = max(i, all_wide) - all_wide;
-    var most = min(i, own);
-    while least < most {
-        let middle = (least + most) / 2u;
-        // Here middle < own and i - 1 - middle < all_wide.
-        if list[walk.next + middle] < wide[walk.next_wide + (i - 1u - middle)] {
-            least = middle + 1u;
-        } else {
-            most = middle;
-        }
-    }
-    let of_wide = i - least;
+    let at = walk.next + own_before(walk, i);
+    let at_wide = walk.next_wide + (i - (at - walk.next));
     var slot = 0xffffffffu;
-    if least < own { slot = list[walk.next + least]; }
-    if of_wide < all_wide { slot = min(slot, wide[walk.next_wide + of_wide]); }
+    if at < walk.end { slot = list[at]; }
+    if at_wide < walk.end_wide { slot = min(slot, wide[at_wide]); }
     return slot;
 }
 

@@ -103,6 +103,8 @@ struct View {
     first_moment: u32,
     // Passes that walk over the lists of the round.
     walks: u32,
+    // Which stretch of its lists the view is for, where each has STRETCH entries; `resumes` is 1 after the first.
+    stretch: u32,
 }
 
 // Bits of `View.flags`. Thresholds hold opaque surfels; there are layers of see-through surfels; the slab of depth is

@@ -34,6 +34,8 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     let at = in_tile.y * TILE + in_tile.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
     let mask_at = MASKS * index * TILE_PIXELS + at;
+    var walk = stretch_of(walk_of(index));
+    if view.resumes != 0u && !has_next(walk) { return; }
     var sum: Sums;
     var mask: Mask;
     if view.resumes != 0u {
@@ -45,7 +47,6 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
         mask.peak_and_side.y = bitcast<f32>(coverage_mask[mask_at + 4u * TILE_PIXELS]);
     }
 
-    var walk = walk_of(index);
     let place = SlicePlaces(slices_of(index, at), nearest_of(index, at));
     while has_next(walk) {
         add_filtered(&sum, &mask, next_slot(&walk), pixel, place);

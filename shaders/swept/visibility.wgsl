@@ -27,7 +27,7 @@ fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoc
             if NEAREST { map[nearest + slice * TILE_PIXELS] = NONE; }
         }
     }
-    var walk = walk_of(index);
+    var walk = stretch_of(walk_of(index));
     while has_next(walk) {
         lower(next_slot(&walk), pixel, slices, nearest);
     }

@@ -132,13 +132,14 @@ impl Behind {
 }
 
 /// Errors of an image, by blocks.
-pub(super) struct Errors<'a> {
+pub(super) struct Errors {
     /// Blocks in a row.
     pub width: usize,
     /// Row by row.
     pub blocks: Vec<BlockError>,
-    edge: usize,
-    behind: &'a Behind,
+    /// Pixels along the edge of a block.
+    pub edge: usize,
+    pub behind: Behind,
     /// Gain of blocks that were not refined.
     gain: f64,
     seen_gain: f64,
@@ -146,13 +147,13 @@ pub(super) struct Errors<'a> {
     exposures: Vec<f32>,
 }
 
-impl<'a> Errors<'a> {
+impl Errors {
     /// Nothing measured yet. `edge`: pixels along the edge of a block. `step`: longest path of a surfel between two
     /// time samples, pixels. `white`: the brightest light that is compared.
     pub(super) fn new(
         [width, height]: [u32; 2],
         edge: usize,
-        behind: &'a Behind,
+        behind: Behind,
         interleave: Interleave,
         step: f64,
         filter: PixelFilter,
@@ -522,7 +523,7 @@ mod tests {
         let background = Background { colour: DVec3::ZERO, transparent: false };
         let behind = Behind::new(background, None);
         let size = [96, 32];
-        let mut errors = Errors::new(size, 32, &behind, Interleave::None, 3.0, PixelFilter::Box, 1.0);
+        let mut errors = Errors::new(size, 32, behind, Interleave::None, 3.0, PixelFilter::Box, 1.0);
         errors.blocks[0].reaches = [true; 4];
         errors.blocks[2].reaches = [true; 4];
         for (sliver, wanted) in [

@@ -100,16 +100,33 @@ impl Round<'_> {
         (positions.into_values().collect(), of_picture as usize)
     }
 
+    /// Begins to render both half buffers in the wanted blocks. `held`: pictures that are kept meanwhile, beside the one
+    /// that is rendered.
+    pub(super) fn begin(
+        &self,
+        backend: &mut dyn Backend,
+        wanted: Option<&Blocks>,
+        held: u64,
+    ) -> Result<(), BackendError> {
+        for half in 0..2 {
+            let begun = self.frame(half, wanted, held).and_then(|frame| backend.begin(frame));
+            if begun.is_err() && half > 0 {
+                backend.abandon();
+            }
+            begun?;
+        }
+        Ok(())
+    }
+
     /// The new samples of half buffer `half` in the wanted blocks.
-    fn frame(&self, half: usize, wanted: Option<&Blocks>) -> Result<Frame, BackendError> {
+    fn frame(&self, half: usize, wanted: Option<&Blocks>, held: u64) -> Result<Frame, BackendError> {
         let exposure = self.exposure(half as u32);
         let samples: usize = exposure.groups().map(|group| group.samples.len()).sum();
         BackendError::check_samples(self.scene, samples as u64, self.options.memory)?;
         let mut frame = Frame::exposed(self.scene, self.number, &exposure, self.options);
         frame.leaves_background = true;
         frame.wanted = wanted.cloned();
-        // Room for the two older half buffers, and for the other one of this round.
-        frame.picture_bytes = 3 * picture_bytes(&frame);
+        frame.picture_bytes = held * picture_bytes(&frame);
         Ok(frame)
     }
 }
@@ -118,19 +135,19 @@ impl Round<'_> {
 pub(super) struct HalfBuffers([Picture; 2]);
 
 impl HalfBuffers {
-    /// Renders a round in the wanted blocks.
-    pub(super) fn render(
-        backend: &mut dyn Backend,
-        round: &Round<'_>,
-        wanted: Option<&Blocks>,
-        stats: &mut Stats,
-    ) -> Result<Self, BackendError> {
-        let halves = backend.render_two(&|half| round.frame(half, wanted))?;
-        Ok(Self(halves.map(|Rendered { mut picture, stats: of_half }| {
+    /// Waits for the two that were begun first.
+    pub(super) fn land(backend: &mut dyn Backend, stats: &mut Stats) -> Result<Self, BackendError> {
+        let mut half = || -> Result<Picture, BackendError> {
+            let Some(Rendered { mut picture, stats: of_half }) = backend.finish()? else {
+                unreachable!("both halves were begun")
+            };
             stats.add(&of_half);
             picture.layers.retain(|layer| layer.aov != Aov::Samples);
-            picture
-        })))
+            Ok(picture)
+        };
+        // Both leave the backend, even if one has failed.
+        let [even, odd] = [half(), half()];
+        Ok(Self([even?, odd?]))
     }
 
     /// Both half buffers.
@@ -370,7 +387,10 @@ mod tests {
         let mut cpu = crate::backend::cpu::Cpu::default();
         let strata = Strata::new(&scene, 8.into(), 4, 1 << 12);
         let first = Round { number: 8.into(), ..round(&scene, &options, interleave, &strata, (1, 1)) };
-        let mut render = |round: &Round<'_>| HalfBuffers::render(&mut cpu, round, None, &mut Stats::default()).unwrap();
+        let mut render = |round: &Round<'_>| {
+            round.begin(&mut cpu, None, 3).unwrap();
+            HalfBuffers::land(&mut cpu, &mut Stats::default()).unwrap()
+        };
         let all = Blocks { width: 2, wanted: vec![true; 4] };
         let mut refined = render(&first);
         let mut coarse = 1;

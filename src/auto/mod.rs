@@ -6,20 +6,16 @@
 //! Earlier samples are reused.
 
 mod estimate;
+mod frame;
 mod half_buffers;
 mod path;
 mod strata;
 mod turn;
 
-use self::estimate::{Behind, BlockError, Errors};
-use self::half_buffers::{HalfBuffers, Round};
-use self::strata::Strata;
-use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
-use crate::film::{Aov, Background, Layer};
-use crate::frame::{Blocks, Panorama, STATIC_PATH, shared_positions, shows_much_rest};
-use crate::options::{ErrorTarget, Interleave, Lattice, PixelFilter, RenderOptions};
-use crate::scene::Scene;
-use crate::time::FrameNumber;
+use self::estimate::{BlockError, Errors};
+pub(crate) use self::frame::AutoFrame;
+use crate::frame::shared_positions;
+use crate::options::ErrorTarget;
 
 /// Time samples of a pixel in the first round: multiples of four, so that each half buffer is its own mirror image.
 const FIRST: [u32; 13] = [4, 8, 12, 16, 20, 24, 28, 32, 40, 48, 64, 80, 96];
@@ -48,133 +44,6 @@ const SLACK: f64 = 1.1;
 const NEARLY: f64 = 0.75;
 /// FLIP of stripes and ghosts that a block may have at the target `good`.
 const FLIP: f64 = 0.021;
-
-/// Renders a frame with an error of at most `target.error`, as far as `target.samples_max` allows.
-///
-/// # Errors
-/// As `Backend::render`.
-pub fn render(
-    backend: &mut dyn Backend,
-    scene: &Scene,
-    number: FrameNumber,
-    options: &RenderOptions,
-    target: ErrorTarget,
-) -> Result<Rendered, BackendError> {
-    let path_length = path::longest(scene, number);
-    let moves = path_length >= f64::from(STATIC_PATH);
-    let moving_samples = first_samples(path_length, &target);
-    let step = path_length / f64::from(moving_samples);
-    let interleave = match target.interleave {
-        Lattice::Fixed(interleave) => interleave,
-        Lattice::Auto if target.error >= LOOSE && step >= WIDE_STEP => Interleave::Two,
-        Lattice::Auto => Interleave::None,
-    };
-    let (positions, samples) = match options.look.filter {
-        PixelFilter::Point => (1, if moves { moving_samples } else { 2 }),
-        // Each sample sees a position of its own.
-        _ if !moves => (STILL * positions(&target), STILL * positions(&target)),
-        _ if shows_much_rest(scene) => sharing(moving_samples, &target),
-        _ => (moving_samples, moving_samples),
-    };
-    let strata = Strata::new(scene, number, samples, target.samples_max);
-    let samples = strata.count();
-    // Samples of unequal shares would give the positions unequal shares.
-    let positions = if positions > 1 && strata.has_jumps() { samples } else { shared(positions, samples) };
-    let first = Round { scene, number, options, interleave, strata: &strata, coarse: 1, factor: 1, positions };
-    let edge = Blocks::EDGE * interleave.stride() as usize;
-    let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
-    let panorama = Panorama::of(scene, number, None, options.look.filter).filter(|_| !scene.image.transparent);
-    let behind = Behind::new(background, panorama.as_ref());
-    let mut stats = Stats::default();
-    let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
-    let size = [scene.image.width, scene.image.height];
-    let step = path_length / f64::from(samples);
-    let mut errors = Errors::new(size, edge, &behind, interleave, step, options.look.filter, target.white);
-    let looser = target.error / ErrorTarget::GOOD;
-    let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser.powf(1.5) };
-    errors.measure(&half_buffers);
-    let mut factors = factors(&errors, &target, flip, samples);
-    let mut finer = factors.clone();
-    // What a round leaves above the target goes on, as far as it may.
-    while finer.iter().any(|&factor| factor > 1) {
-        refine(backend, &first, &finer, &factors, &mut half_buffers, &mut stats, errors.width)?;
-        errors.measure_again(&half_buffers, &finer);
-        let fits = |samples: u32| {
-            let all = u64::from(samples) * u64::from(interleave.stride().pow(2));
-            BackendError::check_samples(scene, all, options.memory).is_ok()
-        };
-        finer = more(&errors, &target, &factors, samples, fits);
-        factors.iter_mut().zip(&finer).for_each(|(factor, more)| *factor *= more);
-    }
-    // All other blocks went on until they were good enough.
-    let is_capped = |(block, &factor): (&BlockError, &u32)| {
-        let slack = if factor > 1 { SLACK } else { 1.0 };
-        block.error() > slack * target.error
-    };
-    let capped = errors.blocks.iter().zip(&factors).filter(|&block| is_capped(block)).count() as u32;
-    let error = errors.root_mean();
-    let refined = factors.iter().filter(|&&factor| factor > 1).count() as u32;
-    stats.achieved = Some(Achieved {
-        error,
-        path_length,
-        turn: turn::largest(scene, number).to_degrees() / f64::from(samples),
-        samples,
-        most_samples: samples * factors.iter().copied().max().unwrap_or(1),
-        interleave: interleave.stride(),
-        blocks: factors.len() as u32,
-        refined,
-        capped,
-    });
-    let backdrop = (!scene.image.transparent).then_some(&behind.all);
-    let mut picture = half_buffers.mean(backdrop, backend);
-    let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
-    let mut layers = Vec::new();
-    if options.look.aovs.contains(&Aov::Samples) {
-        layers.push(Layer {
-            aov: Aov::Samples,
-            planes: vec![per_block(&|i| (samples * factors[i]) as f32)],
-            names: Vec::new(),
-        });
-    }
-    if options.look.aovs.contains(&Aov::Error) {
-        let plane = per_block(&|i| errors.blocks[i].stated() as f32);
-        layers.push(Layer {
-            aov: Aov::Error,
-            planes: vec![plane.clone(), plane.clone(), plane.clone(), plane],
-            names: Vec::new(),
-        });
-    }
-    picture.layers.extend(layers);
-    Ok(Rendered { picture, stats })
-}
-
-/// Renders the blocks whose samples grow once more, by the factors `finer`. `factors`: those since the first round,
-/// `finer` included.
-fn refine(
-    backend: &mut dyn Backend,
-    first: &Round<'_>,
-    finer: &[u32],
-    factors: &[u32],
-    half_buffers: &mut HalfBuffers,
-    stats: &mut Stats,
-    width: usize,
-) -> Result<(), BackendError> {
-    // Blocks of one round have the same factors, before it and in it.
-    let steps: Vec<[u32; 2]> = factors.iter().zip(finer).map(|(&all, &factor)| [all / factor, factor]).collect();
-    let mut rounds: Vec<[u32; 2]> = steps.iter().copied().filter(|[_, factor]| *factor > 1).collect();
-    rounds.sort_unstable();
-    rounds.dedup();
-    for [coarse, factor] in rounds {
-        let blocks = Blocks { width, wanted: steps.iter().map(|&step| step == [coarse, factor]).collect() };
-        let strata = first.strata.divided(coarse);
-        let positions = if first.positions > 1 { first.positions * coarse } else { 1 };
-        let round = Round { strata: &strata, coarse, factor, positions, ..*first };
-        let fresh = HalfBuffers::render(backend, &round, Some(&blocks), stats)?;
-        half_buffers.refine(&fresh, &round, &blocks);
-        fresh.recycle(backend);
-    }
-    Ok(())
-}
 
 /// By which factors samples grow once more in the blocks that were refined and are still above the target. `factors`:
 /// by which they have grown. `fits`: is there memory for so many samples?
@@ -263,25 +132,9 @@ fn first_samples(path_length: f64, target: &ErrorTarget) -> u32 {
     enough.unwrap_or(FIRST[FIRST.len() - 1]).min(most)
 }
 
-/// A value of each block as a plane of pixels.
-fn spread(errors: &Errors, edge: usize, [width, height]: [u32; 2], value: &dyn Fn(usize) -> f32) -> Vec<f32> {
-    let (columns, rows) = (width as usize, height as usize);
-    let pixels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
-    pixels.map(|[x, y]| value(y / edge * errors.width + x / edge)).collect()
-}
-
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "tests may stop")]
 mod tests {
-    use glam::{DMat3, DVec3};
-
     use super::*;
-    use crate::backend::cpu::Cpu;
-    use crate::environment::{Environment, studio};
-    use crate::math::{focal_length, srgb};
-    use crate::sampling::pixel_offsets;
-    use crate::scene::Motion;
-    use crate::scene::pose::camera_from_world;
 
     #[test]
     fn positions_have_equally_many_samples() {
@@ -292,43 +145,5 @@ mod tests {
         }
         // The pixel's centre, and parts of an exposure that left no choice.
         assert_eq!([shared(1, 24), shared(8, 6), shared(24, 24)], [1, 6, 24]);
-    }
-
-    /// Nothing but an environment behind a camera that turns by 30 degrees a frame: the stated error is that of the
-    /// background, beside 4096 times in double precision. No block is refined, since that would not change it.
-    #[test]
-    fn the_background_is_in_the_stated_error() {
-        let mut scene = Scene::new([]);
-        let mut environment = Environment::new(studio());
-        environment.background = true;
-        scene.environment = Some(environment.clone());
-        scene.camera.motions.push(Motion::Rotation { axis: DVec3::Y, per_frame: 0.52, centre: DVec3::ZERO });
-        (scene.image.width, scene.image.height) = (96, 64);
-        let rendered =
-            render(&mut Cpu::default(), &scene, 0.into(), &RenderOptions::default(), ErrorTarget::default()).unwrap();
-        let focal = focal_length(64.0, scene.camera.fovy);
-        let cameras: Vec<DMat3> = (0..4096)
-            .map(|i| scene.shutter.frame_time(0.0, (f64::from(i) + 0.5) / 4096.0))
-            .map(|time| DMat3::from_mat4(camera_from_world(&scene, time)).transpose())
-            .collect();
-        let offsets = pixel_offsets(4096, 3);
-        let mut sum = 0.0;
-        for (at, pixel) in rendered.picture.rgba.iter().enumerate() {
-            let [x, y] = [(at % 96) as f64 + 0.5 - 48.0, (at / 96) as f64 + 0.5 - 32.0];
-            let radiance = |(camera, offset): (&DMat3, &[f32; 2])| {
-                let [dx, dy] = offset.map(f64::from);
-                environment.radiance((*camera * DVec3::new(x + dx, -(y + dy), -focal)).normalize())
-            };
-            let truth = cameras.iter().zip(&offsets).map(radiance).sum::<DVec3>() / 4096.0;
-            let truth = truth.to_array();
-            for c in 0..3 {
-                sum += (srgb::from_linear(pixel[c]) - srgb::from_linear(truth[c] as f32)).powi(2);
-            }
-        }
-        let error = f64::from(sum / (96.0 * 64.0 * 3.0)).sqrt();
-        let achieved = rendered.stats.achieved.unwrap();
-        assert!(error > 1e-4 && achieved.error >= error, "stated {}, true {error}", achieved.error);
-        assert!(achieved.error < 3.0 * error, "stated {}, true {error}", achieved.error);
-        assert_eq!((achieved.refined, achieved.capped), (0, 0));
     }
 }

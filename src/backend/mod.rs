@@ -25,8 +25,8 @@ pub trait Backend: Send {
     /// Its name and size, for people.
     fn describe(&self) -> String;
 
-    /// Frames that may be begun and not finished. One where `begin` does the work; two where the host can prepare the
-    /// next frame while the device renders.
+    /// Frames of a sequence that may be under way together. One where [`begin`](Self::begin) does the work; two where
+    /// the host can prepare a frame while the device renders another. A frame may take several renderings.
     fn in_flight(&self) -> usize;
 
     /// Begins to execute a frame's plan. Frames are finished in the order in which they were begun.
@@ -57,20 +57,16 @@ pub trait Backend: Send {
     /// What it heeds.
     fn stop(&self) -> Arc<Stop>;
 
+    /// Gives up the frame that was begun last and is not finished, if there is any.
+    fn abandon(&mut self);
+
     /// Executes a frame's plan, with no other under way.
     ///
     /// # Errors
     /// The frame does not fit into the limits of the backend.
-    fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError>;
-
-    /// The same for two frames, which are made when they are needed. A backend may have both under way.
-    ///
-    /// # Errors
-    /// As [`Self::render`], or those of making a frame.
-    fn render_two(
-        &mut self,
-        frame: &dyn Fn(usize) -> Result<Frame, BackendError>,
-    ) -> Result<[Rendered; 2], BackendError> {
-        Ok([self.render(frame(0)?)?, self.render(frame(1)?)?])
+    fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError> {
+        self.begin(frame)?;
+        let Some(rendered) = self.finish()? else { unreachable!("a frame was begun") };
+        Ok(rendered)
     }
 }

@@ -61,7 +61,7 @@ pub struct Stats {
 pub struct GpuCalls {
     /// Submissions to its queue.
     pub submissions: u64,
-    /// Times that the host waited for it.
+    /// Times that the host waited for it while it had no other work, so that it stood still afterwards.
     pub waits: u64,
     /// Buffers that were mapped into the host's memory.
     pub maps: u64,

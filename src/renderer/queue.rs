@@ -1,16 +1,17 @@
 //! The frames under way, from the one that was asked for last to the one that is handed out next, in their order.
 //!
-//! A backend keeps what it needs to finish those that it has begun, in the same order: the CPU at most one picture, the
-//! GPU its submissions (`Gpu::flights`). Frames that mode auto, `object` or a filter of the image renders at once, and
-//! frames that are passed, are in this queue alone.
+//! A backend finishes renderings in the order in which they were begun: the CPU has them done, the GPU has its
+//! submissions (`Gpu::flights`). A frame of mode auto takes several, which wait for each other. Those of the frames
+//! under way come in turn. Frames with the layer `object`, and frames that are passed, are in this queue alone.
 
 use std::collections::VecDeque;
 
-use super::{as_fine, check, check_values, finite, of_backend, posed, render_frame, with_detail};
+use super::work::FrameWork;
+use super::{check, check_values, render_frame};
 use crate::backend::{Backend, BackendError, Rendered};
 use crate::film::Aov;
-use crate::options::{Quality, RenderOptions};
-use crate::scene::{BlockErrors, Cut, Scene};
+use crate::options::RenderOptions;
+use crate::scene::Scene;
 use crate::time::FrameNumber;
 
 /// Frames of a scene that are rendered one after the other, and leave in the order in which they came.
@@ -25,7 +26,12 @@ pub struct FrameQueue<'a, T> {
     backend: &'a mut dyn Backend,
     scene: &'a Scene,
     options: &'a RenderOptions,
-    waiting: VecDeque<Waiting<T>>,
+    waiting: VecDeque<Waiting<'a, T>>,
+    /// Frames that have left.
+    left: u64,
+    /// The steps that the backend has under way, in their order: the number of the frame in the queue, counted from the
+    /// first that was ever in it, and its renderings.
+    steps: VecDeque<(u64, usize)>,
 }
 
 /// A frame that leaves the queue.
@@ -51,17 +57,17 @@ pub struct FrameError {
 }
 
 /// A frame in the queue.
-struct Waiting<T> {
+struct Waiting<'a, T> {
     number: FrameNumber,
     tag: T,
-    state: State,
+    state: State<'a>,
 }
 
-enum State {
-    /// The backend works on it. The error by what its surfels leave out.
-    UnderWay(BlockErrors),
+enum State<'a> {
+    UnderWay(FrameWork<'a>),
     /// It is rendered, or need not be.
     Done(Option<Box<Rendered>>),
+    Failed(BackendError),
 }
 
 impl<'a, T> FrameQueue<'a, T> {
@@ -76,11 +82,10 @@ impl<'a, T> FrameQueue<'a, T> {
     ) -> Result<Self, BackendError> {
         check_values(scene, options)?;
         check(scene, options)?;
-        Ok(Self { backend, scene, options, waiting: VecDeque::new() })
+        Ok(Self { backend, scene, options, waiting: VecDeque::new(), left: 0, steps: VecDeque::new() })
     }
 
-    /// Begins frame `number`. It is rendered at once where it takes several steps that wait for each other: mode auto,
-    /// the layer `object`, and a filter of the finished image.
+    /// Begins frame `number`. With the layer `object` it is rendered at once.
     ///
     /// # Errors
     /// The number is not finite, the backend cannot render the frame within its limits, or it was stopped.
@@ -113,39 +118,54 @@ impl<'a, T> FrameQueue<'a, T> {
     /// # Errors
     /// The backend cannot render the frame within its limits, or the device failed.
     pub fn finish(&mut self) -> Result<Option<FinishedFrame<T>>, FrameError> {
+        while let Some(Waiting { state: State::UnderWay(work), .. }) = self.waiting.front()
+            && !work.is_done()
+        {
+            self.land();
+        }
         let Some(Waiting { number, tag, state }) = self.waiting.pop_front() else { return Ok(None) };
+        self.left += 1;
         let rendered = match state {
             State::Done(rendered) => rendered.map(|rendered| *rendered),
-            State::UnderWay(errors) => {
-                let rendered = self.backend.finish().map_err(|cause| FrameError { number, cause })?;
-                rendered.map(|rendered| with_detail(rendered, &errors, self.options))
-            }
+            State::UnderWay(work) => work.finish(self.backend),
+            State::Failed(cause) => return Err(FrameError { number, cause }),
         };
         Ok(Some(FinishedFrame { number, tag, rendered }))
     }
 
-    fn try_begin(&mut self, number: FrameNumber) -> Result<State, BackendError> {
-        let options = self.options;
-        let mode = match options.quality {
-            Quality::Mode(mode) if !options.reconstruct && !options.look.aovs.contains(&Aov::Object) => mode,
-            _ => {
-                let rendered = render_frame(self.backend, self.scene, number, options)?;
-                return Ok(State::Done(Some(Box::new(rendered))));
-            }
+    /// Waits for the oldest step under way, whichever frame it belongs to, and begins what follows from it.
+    fn land(&mut self) {
+        let Some((of, renderings)) = self.steps.pop_front() else { return };
+        // A frame leaves after its last step, or after it failed.
+        let frame = of.checked_sub(self.left).and_then(|at| self.waiting.get_mut(at as usize));
+        let Some(Waiting { state: state @ State::UnderWay(_), .. }) = frame else {
+            (0..renderings).for_each(|_| drop(self.backend.finish()));
+            return;
         };
-        let scene = self.scene.at_frame(finite(number)?.get())?;
-        check(&scene, options)?;
-        let Cut { scene, errors } = as_fine(&scene, number, options);
-        let frame = posed(self.backend, &scene, number, mode, &of_backend(options))?;
-        self.backend.begin(frame)?;
-        Ok(State::UnderWay(errors))
+        let State::UnderWay(work) = state else { return };
+        match work.land(self.backend) {
+            Ok(begun) => self.steps.extend((0..begun).map(|_| (of, renderings))),
+            Err(cause) => *state = State::Failed(cause),
+        }
+    }
+
+    fn try_begin(&mut self, number: FrameNumber) -> Result<State<'a>, BackendError> {
+        if self.options.look.aovs.contains(&Aov::Object) {
+            let rendered = render_frame(self.backend, self.scene, number, self.options)?;
+            return Ok(State::Done(Some(Box::new(rendered))));
+        }
+        let (work, begun) = FrameWork::begin(self.backend, self.scene, number, self.options)?;
+        let of = self.left + self.waiting.len() as u64;
+        self.steps.extend((0..begun).map(|_| (of, work.renderings())));
+        Ok(State::UnderWay(work))
     }
 }
 
 impl<T> Drop for FrameQueue<'_, T> {
-    /// Finishes what is under way, so that the backend can begin something else.
+    /// Gives up what is under way, so that the backend can begin something else.
     fn drop(&mut self) {
-        while !matches!(self.finish(), Ok(None)) {}
+        let renderings: usize = self.steps.iter().map(|(_, renderings)| renderings).sum();
+        (0..renderings).for_each(|_| self.backend.abandon());
     }
 }
 

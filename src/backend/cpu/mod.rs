@@ -29,6 +29,7 @@ pub(super) mod transparent;
 pub(super) mod values;
 mod waste;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -71,8 +72,8 @@ pub struct Cpu {
     films: Vec<TiledFilm>,
     /// Memory of pictures that were given back.
     pixels: Vec<Vec<[f32; 4]>>,
-    /// The frame that was begun.
-    done: Option<Rendered>,
+    /// The frames that were begun and not finished.
+    done: VecDeque<Rendered>,
     /// Counts steps, each once in each band.
     meter: Arc<Meter>,
     /// Ends a frame between two steps.
@@ -123,16 +124,17 @@ impl Backend for Cpu {
     }
 
     fn begin(&mut self, frame: Frame) -> Result<(), BackendError> {
-        self.done = Some(self.render_whole(&frame)?);
+        let rendered = self.render_whole(&frame)?;
+        self.done.push_back(rendered);
         Ok(())
     }
 
     fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
-        Ok(self.done.take())
+        Ok(self.done.pop_front())
     }
 
-    fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError> {
-        self.render_whole(&frame)
+    fn abandon(&mut self) {
+        self.done.pop_back();
     }
 
     fn watch(&mut self, meter: Arc<Meter>) {

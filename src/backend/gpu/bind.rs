@@ -298,10 +298,7 @@ impl Binder<'_> {
         buffers: &[Vec<ModelBuffer>],
     ) -> Result<Vec<Vec<BoundProgram>>, BackendError> {
         let mut one = |buffer: &ModelBuffer| {
-            let special = [
-                (Slot::Geometry, buffer.geometry.as_entire_buffer_binding()),
-                (Slot::Looks, buffer.looks.as_entire_buffer_binding()),
-            ];
+            let special = [(Slot::Geometry, buffer.geometry()), (Slot::Looks, buffer.looks())];
             self.program(program, constants, from, &special)
         };
         buffers.iter().map(|buffers| buffers.iter().map(&mut one).collect()).collect()
@@ -416,9 +413,9 @@ impl Binder<'_> {
                 project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
                 emit: self.program(Program::BinEmit, &parts.to_vec(), emitted, &[])?,
             },
-            visibility: self.program(Program::SweptVisibility, &slice_constants(frame), 1, &[])?,
+            visibility: self.program(Program::SweptVisibility, &slice_constants(prepared), 1, &[])?,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
+            attribute: self.program(Program::SweptAttribute, &swept_constants(prepared, swept), 1, &[])?,
         })
     }
 
@@ -453,7 +450,7 @@ impl Binder<'_> {
                 emit: self.program(Program::BinEmit, &parts.to_vec(), emitted, &[])?,
             },
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(Program::PublishedAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
+            attribute: self.program(Program::PublishedAttribute, &swept_constants(prepared, swept), 1, &[])?,
         })
     }
 }

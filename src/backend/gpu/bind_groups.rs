@@ -7,8 +7,9 @@ use wgpu::{BindGroup, Buffer, BufferBinding, BufferSize};
 use super::programs::{Program, Slot};
 
 /// Rounds of binding for which bind groups are kept that nobody asks for. Mode auto binds for each of its renderings,
-/// which are of a few kinds. Bind groups keep their buffers, so it may not be many.
-const KEPT: u64 = 4;
+/// and cuts of detail take turns with the rooms of models ([`models`](super::models)). A bind group may name buffers that
+/// were destroyed, and holds no memory of theirs.
+const KEPT: u64 = 64;
 
 /// What a program is bound to: the buffers of its uniforms, and its other buffers or parts of them.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -41,12 +42,6 @@ impl BindGroups {
         self.round += 1;
         let round = self.round;
         self.made.retain(|_, (_, asked)| *asked + KEPT >= round);
-    }
-
-    /// Lets go of those of models, and of their buffers.
-    pub(super) fn forget_models(&mut self) {
-        let of_model = |(slot, ..): &(Slot, Buffer, u64, Option<BufferSize>)| *slot == Slot::Geometry;
-        self.made.retain(|bound, _| !bound.buffers.iter().any(of_model));
     }
 
     /// The bind groups of what is bound, which `make` makes if they are not there.

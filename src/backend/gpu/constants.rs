@@ -1,6 +1,7 @@
 //! Values of the `override` constants of programs: what the frame needs, where channels and planes are.
 
 use super::memory::DeviceChannels;
+use super::prepared::Prepared;
 use super::programs::{Constants, KernelKind};
 use crate::film::{Blending, FilmPlanes};
 use crate::frame::Frame;
@@ -67,22 +68,27 @@ pub(super) fn peel_constants(frame: &Frame, channels: &DeviceChannels, planes: &
 }
 
 /// For pass `attribute` of kernels in motion.
-pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
-    let mut constants = sum_constants(channels);
+pub(super) fn swept_constants(prepared: &Prepared<'_>, swept: SweptKernel) -> Constants {
+    let mut constants = sum_constants(&prepared.channels);
     constants.push(("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)));
     if swept.is_published() {
         constants.push(("LINE", u32::from(swept.weight == KernelWeight::Line)));
         constants.push(("SOURCE_SAMPLES", swept.source_samples.0));
     } else {
         constants.push(("BY_ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)));
-        constants.extend(slice_constants(frame));
+        constants.extend(slice_constants(prepared));
     }
     constants
 }
 
 /// For pass `visibility` of kernels in motion.
-pub(super) fn slice_constants(frame: &Frame) -> Constants {
-    vec![("SLICES", frame.slices().max(1)), ("NEAREST", u32::from(frame.keeps_nearest))]
+pub(super) fn slice_constants(prepared: &Prepared<'_>) -> Constants {
+    let Prepared { frame, stretch, .. } = prepared;
+    vec![
+        ("SLICES", frame.slices().max(1)),
+        ("NEAREST", u32::from(frame.keeps_nearest)),
+        ("STRETCH", (*stretch).min(u64::from(u32::MAX)) as u32),
+    ]
 }
 
 /// For passes `resolve`: channels, and where the planes of films are.

@@ -263,14 +263,26 @@ impl Device {
         f64::from(self.queue.get_timestamp_period())
     }
 
+    /// Waits until a submission is done. `others_follow`: the device has other work meanwhile, so that nothing is lost.
+    pub(in crate::backend) fn wait_until(
+        &self,
+        done: SubmissionIndex,
+        others_follow: bool,
+    ) -> Result<(), BackendError> {
+        if !others_follow {
+            self.calls.wait();
+        }
+        self.wait_for(Some(done))
+    }
+
     /// Waits until everything that was submitted is done.
     pub(in crate::backend) fn wait(&self) -> Result<(), BackendError> {
+        self.calls.wait();
         self.wait_for(None)
     }
 
     /// Waits until a submission is done; `None`: until all are.
-    pub(in crate::backend) fn wait_for(&self, submission_index: Option<SubmissionIndex>) -> Result<(), BackendError> {
-        self.calls.wait();
+    fn wait_for(&self, submission_index: Option<SubmissionIndex>) -> Result<(), BackendError> {
         let wait = wgpu::PollType::Wait { submission_index, timeout: None };
         self.handle.poll(wait).map_err(|e| self.error(e.to_string()))?;
         self.check()

@@ -109,7 +109,7 @@ impl Gpu {
     fn try_land(&mut self, flight: Flight) -> Result<Result<Rendered, (Frame, GpuCalls)>, BackendError> {
         let device = &self.state.device;
         let before = device.calls.so_far();
-        device.wait_for(Some(flight.submission.clone()))?;
+        device.wait_until(flight.submission.clone(), !self.flights.is_empty())?;
         let frame = flight.frame;
         let mut calls = flight.calls;
         calls += device.calls.since(&before);
@@ -143,8 +143,10 @@ impl Gpu {
         if has_turns && wanted <= flight.most_entries {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
         } else if !has_turns && flight.slots > flight.most_list {
-            // No list of a batch has more entries than that has slots.
-            self.most_slots = self.most_slots.min(flight.most_list).max(1);
+            // Lists grow about as batches do. No list has more entries than its batch has slots.
+            let share = flight.most_list as f64 / status.longest() as f64;
+            let shorter = (0.8 * share * flight.slots as f64) as u64;
+            self.most_slots = self.most_slots.min(shorter.max(flight.most_list)).max(1);
         } else if flight.groups > 1 {
             self.most_groups = self.most_groups.min(flight.groups / 2);
         } else if flight.slots > 1 {

@@ -35,6 +35,8 @@ pub(in crate::backend) struct Job<'a> {
     pub flags: u32,
     /// Passes that walk over its lists, where it has one batch.
     pub walks: u32,
+    /// Most entries of a list that a dispatch walks over; [`u64::MAX`]: all.
+    pub stretch: u64,
     /// The interval of kernels in motion.
     pub interval: Option<&'a PosedInterval>,
 }
@@ -50,7 +52,7 @@ impl<'a> JobPlace<'a> {
         let area = self.area();
         let group = &self.position.groups[group];
         let map = area.guarded(0);
-        Job { place: self, group, see_through: false, area, map, flags: 0, walks: 1, interval: None }
+        Job { place: self, group, see_through: false, area, map, flags: 0, walks: 1, stretch: u64::MAX, interval: None }
     }
 
     /// The same for kernels at instants. Its pixels are those of the band and of the apron around it; its tiles are the
@@ -73,7 +75,8 @@ impl<'a> JobPlace<'a> {
         let around = self.area().guarded(interval.guard);
         let has_map = self.prepared.frame.guard().is_some();
         let map = if has_map { around } else { Area { tiles: [0; 2], ..around } };
-        Job { map, interval: Some(interval), walks: if has_map { 1 } else { 2 }, ..self.job(group) }
+        let (walks, stretch) = if has_map { (1, u64::MAX) } else { (2, self.prepared.stretch) };
+        Job { map, interval: Some(interval), walks, stretch, ..self.job(group) }
     }
 
     /// The job of the map of a group's interval.

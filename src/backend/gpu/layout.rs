@@ -78,7 +78,8 @@ pub(in crate::backend) struct View {
     pub first_segment: u32,
     pub first_moment: u32,
     pub walks: u32,
-    pub unused: [u32; 3],
+    pub stretch: u32,
+    pub unused: [u32; 2],
 }
 
 /// Bits of [`View::flags`]. Thresholds hold opaque surfels.

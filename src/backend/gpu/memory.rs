@@ -1,5 +1,6 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
+use super::buffers::stepped;
 use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
@@ -351,14 +352,15 @@ impl Schedule {
         let samples = frame.samples_of_a_group() as u64;
         let models = frame.objects.iter().filter_map(|object| object.shape.surfels());
         let surfels: u64 = models.map(|model| model.surfels().len() as u64).sum();
+        let of_group = if surfels > 0 { stepped(samples * surfels) } else { 0 };
         let bound = most_bytes / splat_bytes.max(4 * values);
         // Slots leave room for the entries of the least batch, which those of Gaussians count on.
         let fit = (left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES))
             .min(left.saturating_sub(LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / slot_bytes);
-        let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
+        let slots = of_group.max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
         // What is left beside the lists of a batch makes room for rounds, and for longer lists.
         let each_slot = slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES;
-        let each_group = (samples * surfels).clamp(1, slots);
+        let each_group = of_group.clamp(1, slots);
         let spare = left.saturating_sub(slots * each_slot + LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / 2;
         let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest {
             let tile_bound = bound_of_tiles / band_tiles.max(1);

@@ -64,10 +64,8 @@ pub struct Gpu {
     pub(super) most_bytes: u64,
     /// Most slots of a batch. It shrinks when the lists of larger batches do not fit.
     pub(super) most_slots: u64,
-    /// Most slots of a batch whose lists are not watched, and most entries of a list that is watched: where programs
-    /// walk over it once.
-    most_unwatched: u64,
-    pub(super) most_list: u64,
+    /// Most turns of the loops of an invocation that walks over a list.
+    pub(super) most_turns: u64,
     /// Most groups of a round.
     pub(super) most_groups: u64,
     /// Most entries to make room for, even if a program could bind more.
@@ -90,11 +88,9 @@ pub(in crate::backend) struct DeviceState {
     pub(super) buffers: Buffers,
 }
 
-/// Most slots of a batch on a software device. Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations
-/// in all, and the list of one tile may hold every slot of a batch.
-const SOFTWARE_SLOTS: u64 = 60_000;
-/// Most entries of a list there that a program walks over once, where lists are watched. Each takes two iterations.
-const SOFTWARE_LIST: u64 = 30_000;
+/// Most turns of the loops of an invocation on a software device. Mesa's llvmpipe silently ends a shader's loops after
+/// 65,535 in all. Frames whose lists take more are rendered again in smaller batches.
+const SOFTWARE_TURNS: u64 = 60_000;
 
 impl Gpu {
     /// Opens the best of the adapters that are wanted.
@@ -116,8 +112,7 @@ impl Gpu {
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: u64::MAX,
-            most_unwatched: if software { SOFTWARE_SLOTS } else { u64::MAX },
-            most_list: if software { SOFTWARE_LIST } else { u64::MAX },
+            most_turns: if software { SOFTWARE_TURNS } else { u64::MAX },
             most_groups: u64::from(VIEWS),
             most_entries: u64::MAX,
             first_entries: u64::MAX,
@@ -142,6 +137,9 @@ impl Backend for Gpu {
     }
 
     fn begin(&mut self, frame: Frame) -> Result<(), BackendError> {
+        if self.stop.is_set() {
+            return Err(BackendError::Stopped);
+        }
         let flight = self.depart(frame)?;
         self.flights.push_back(flight);
         Ok(())
@@ -159,24 +157,7 @@ impl Backend for Gpu {
         Arc::clone(&self.stop)
     }
 
-    fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError> {
-        if self.stop.is_set() {
-            return Err(BackendError::Stopped);
-        }
-        let flight = self.depart(frame)?;
-        self.land(flight)
-    }
-
-    fn render_two(
-        &mut self,
-        frame: &dyn Fn(usize) -> Result<Frame, BackendError>,
-    ) -> Result<[Rendered; 2], BackendError> {
-        if self.stop.is_set() {
-            return Err(BackendError::Stopped);
-        }
-        // While the device renders one, the host makes and uploads the other.
-        let first = self.depart(frame(0)?)?;
-        let second = self.depart(frame(1)?)?;
-        Ok([self.land(first)?, self.land(second)?])
+    fn abandon(&mut self) {
+        self.flights.pop_back();
     }
 }

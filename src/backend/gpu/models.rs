@@ -1,12 +1,14 @@
 //! Models on the device: surfels and the Gaussians of captures. They are uploaded when a frame first names them, and
-//! stay while the scene holds them.
+//! stay while the scene holds them. A cut of detail is another model in each frame, of about the same size: it takes the
+//! room of one that is gone, so that bind groups stay.
 
 use std::ops::Range;
 use std::sync::{Arc, Weak};
 
 use glam::{Quat, Vec3};
-use wgpu::{Buffer, BufferUsages};
+use wgpu::{Buffer, BufferBinding, BufferSize, BufferUsages};
 
+use super::buffers::stepped;
 use super::device::Device;
 use crate::backend::BackendError;
 use crate::model::paths::OwnPaths;
@@ -19,12 +21,38 @@ const MOST_SURFELS: u64 = 1 << 22;
 /// Bytes of uploads that may be under way together: they take memory beside the buffers.
 const UNDER_WAY: u64 = 64 << 20;
 
+/// Frames for which the room of a model that is gone is kept. As long as a few renderings are under way, and their cuts
+/// of detail with them.
+const KEPT: u64 = 16;
+/// Most bytes of a room that another model takes over.
+const MOST_KEPT: u64 = 64 << 20;
+/// A model does not take a room of more than so many times its bytes.
+const MOST_WASTE: u64 = 4;
+
 /// The models that were uploaded.
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Models {
     surfels: Vec<Model>,
     captures: Vec<CaptureBuffers>,
+    rooms: Rooms,
+}
+
+/// Where models go.
+#[derive(Debug, Default)]
+struct Rooms {
+    /// Those that no model has any more, and the frame that found them so.
+    spare: Vec<(Room, u64)>,
+    /// Frames so far.
+    frames: u64,
     under_way: UnderWay,
+}
+
+/// A buffer of two parts.
+#[derive(Clone, Debug)]
+struct Room {
+    buffer: Buffer,
+    /// Bytes for geometry, which comes first, and for looks.
+    bytes: [u64; 2],
 }
 
 /// Bytes that were uploaded since the host last waited for the device.
@@ -54,18 +82,28 @@ struct Model {
 pub(in crate::backend) struct ModelBuffer {
     /// Which of the model.
     pub surfels: Range<usize>,
+    room: Room,
+}
+
+impl ModelBuffer {
     /// Columns of surfels: positions, axes u, axes v, those of the paths; then the normalisation of kernels and its
     /// mean, where a frame needed them. Columns of Gaussians: positions, standard deviations, rotations, opacities.
-    pub geometry: Buffer,
+    pub(in crate::backend) fn geometry(&self) -> BufferBinding<'_> {
+        BufferBinding { buffer: &self.room.buffer, offset: 0, size: BufferSize::new(self.room.bytes[0]) }
+    }
+
     /// Columns of surfels: normals, colours, then materials and opacities where the model has them. Columns of
     /// Gaussians: colours, harmonics, then normals where they have them.
-    pub looks: Buffer,
+    pub(in crate::backend) fn looks(&self) -> BufferBinding<'_> {
+        let [geometry, looks] = self.room.bytes;
+        BufferBinding { buffer: &self.room.buffer, offset: geometry, size: BufferSize::new(looks) }
+    }
 }
 
 impl UnderWay {
     /// Takes note of a buffer that was uploaded, and waits for the device where too much is under way.
-    fn add(&mut self, device: &Device, uploaded: Option<&ModelBuffer>) -> Result<(), BackendError> {
-        self.0 += uploaded.map_or(0, |buffer| buffer.geometry.size() + buffer.looks.size());
+    fn add(&mut self, device: &Device, uploaded: u64) -> Result<(), BackendError> {
+        self.0 += uploaded;
         if self.0 > UNDER_WAY {
             device.submit([]);
             device.wait()?;
@@ -75,14 +113,87 @@ impl UnderWay {
     }
 }
 
+impl Rooms {
+    /// Begins a frame. Rooms that none of the last frames took are freed.
+    fn begin(&mut self) {
+        self.frames += 1;
+        let frames = self.frames;
+        self.spare.retain(|(room, since)| {
+            let keeps = since + KEPT >= frames && room.buffer.size() <= MOST_KEPT;
+            if !keeps {
+                // Bind groups may still name it.
+                room.buffer.destroy();
+            }
+            keeps
+        });
+    }
+
+    /// Takes back the rooms of a model that is gone.
+    fn take_back(&mut self, buffers: Vec<ModelBuffer>) {
+        let frames = self.frames;
+        self.spare.extend(buffers.into_iter().map(|buffer| (buffer.room, frames)));
+    }
+
+    /// A room for so many bytes of geometry and of looks: a spare one that is large enough and not too large, or a new
+    /// one.
+    fn room(&mut self, device: &Device, label: &str, bytes: [u64; 2]) -> Result<Room, BackendError> {
+        let fits = |room: &Room| {
+            let wide = room.buffer.size() <= MOST_WASTE * bytes.iter().sum::<u64>();
+            wide && room.bytes[0] >= bytes[0] && room.bytes[1] >= bytes[1]
+        };
+        let spare = self.spare.iter().enumerate().filter(|(_, (room, _))| fits(room));
+        if let Some((at, _)) = spare.min_by_key(|(_, (room, _))| room.buffer.size()) {
+            return Ok(self.spare.remove(at).0);
+        }
+        let is_kept = bytes.iter().sum::<u64>() < MOST_KEPT;
+        let bytes = bytes.map(|bytes| if is_kept { stepped(bytes.max(1)) } else { bytes.max(1).next_multiple_of(256) });
+        let buffer = device.buffer(label, bytes.iter().sum(), BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+        Ok(Room { buffer, bytes })
+    }
+
+    /// Uploads the elements `range` of a model: columns of geometry, and of looks.
+    fn upload(
+        &mut self,
+        device: &Device,
+        label: &str,
+        range: Range<usize>,
+        [geometry, looks]: [&[&[u8]]; 2],
+    ) -> Result<ModelBuffer, BackendError> {
+        let bytes = [geometry, looks].map(|columns| columns.iter().map(|column| column.len() as u64).sum());
+        let room = self.room(device, label, bytes)?;
+        if room.buffer.size() > UNDER_WAY {
+            // A copy of all would take much memory.
+            for (columns, mut at) in [(geometry, 0), (looks, room.bytes[0])] {
+                for column in columns {
+                    device.write(&room.buffer, at, column);
+                    at += column.len() as u64;
+                }
+            }
+        } else {
+            let mut all = geometry.concat();
+            all.resize(room.bytes[0] as usize, 0);
+            looks.iter().for_each(|column| all.extend_from_slice(column));
+            device.write(&room.buffer, 0, &all);
+        }
+        self.under_way.add(device, room.buffer.size())?;
+        Ok(ModelBuffer { surfels: range, room })
+    }
+}
+
 impl Models {
-    /// Lets go of the buffers of models that nobody holds any more. True if there were some.
-    pub(in crate::backend) fn free(&mut self) -> bool {
-        let before = self.surfels.len() + self.captures.len();
-        let holds_paths = |model: &Model| model.own_paths.as_ref().is_none_or(|own| own.strong_count() > 0);
-        self.surfels.retain(|model| holds_paths(model) && model.surfels.strong_count() > 0);
-        self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
-        self.surfels.len() + self.captures.len() < before
+    /// Begins a frame: models that nobody holds any more leave their rooms to others.
+    pub(in crate::backend) fn begin(&mut self) {
+        self.rooms.begin();
+        let is_gone = |model: &mut Model| {
+            let has_no_paths = model.own_paths.as_ref().is_some_and(|own| own.strong_count() == 0);
+            has_no_paths || model.surfels.strong_count() == 0
+        };
+        for model in self.surfels.extract_if(.., is_gone) {
+            self.rooms.take_back(model.buffers);
+        }
+        for capture in self.captures.extract_if(.., |capture| capture.gaussians.strong_count() == 0) {
+            self.rooms.take_back(capture.buffers);
+        }
     }
 
     /// The buffers of surfels and their paths, with the normalisation of kernels if `normalised`. They are uploaded if
@@ -97,11 +208,13 @@ impl Models {
             let own = model.own_paths.as_ref().map(Weak::as_ptr);
             model.surfels.as_ptr() == Arc::as_ptr(of.surfels()) && own == of.own_paths().map(Arc::as_ptr)
         };
-        self.surfels.retain(|model| !(normalised && !model.normalised && is_of(model)));
+        for model in self.surfels.extract_if(.., |model| normalised && !model.normalised && is_of(model)) {
+            self.rooms.take_back(model.buffers);
+        }
         if let Some(model) = self.surfels.iter().find(|model| is_of(model)) {
             return Ok(model.buffers.clone());
         }
-        let buffers = upload(device, &mut self.under_way, of, normalised)?;
+        let buffers = upload(device, &mut self.rooms, of, normalised)?;
         self.surfels.push(Model {
             surfels: Arc::downgrade(of.surfels()),
             own_paths: of.own_paths().map(Arc::downgrade),
@@ -121,7 +234,7 @@ impl Models {
         if let Some(capture) = self.captures.iter().find(same) {
             return Ok(capture.buffers.clone());
         }
-        let buffers = upload_gaussians(device, &mut self.under_way, gaussians)?;
+        let buffers = upload_gaussians(device, &mut self.rooms, gaussians)?;
         self.captures.push(CaptureBuffers { gaussians: Arc::downgrade(gaussians), buffers: buffers.clone() });
         Ok(buffers)
     }
@@ -129,15 +242,15 @@ impl Models {
 
 fn upload(
     device: &Device,
-    under_way: &mut UnderWay,
+    rooms: &mut Rooms,
     model: &SurfelModel,
     normalised: bool,
 ) -> Result<Vec<ModelBuffer>, BackendError> {
     let (surfels, paths) = (model.surfels(), model.paths());
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
-    // At most 76 bytes of geometry, at most 44 of looks.
-    let most = (device.most_bytes() / 76).clamp(1, MOST_SURFELS) as usize;
+    // At most 76 bytes of geometry, at most 44 of looks, and what a room has above that.
+    let most = (device.most_bytes() / 150).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());
@@ -163,24 +276,19 @@ fn upload(
             bytemuck::cast_slice(&materials),
             bytemuck::cast_slice(surfels.opacity.get(range.clone()).unwrap_or_default()),
         ];
-        buffers.push(ModelBuffer {
-            surfels: range,
-            geometry: columns(device, "surfels", &columns_of_geometry)?,
-            looks: columns(device, "surfels", &looks)?,
-        });
-        under_way.add(device, buffers.last())?;
+        buffers.push(rooms.upload(device, "surfels", range, [&columns_of_geometry, &looks])?);
     }
     Ok(buffers)
 }
 
 fn upload_gaussians(
     device: &Device,
-    under_way: &mut UnderWay,
+    rooms: &mut Rooms,
     gaussians: &Gaussians,
 ) -> Result<Vec<ModelBuffer>, BackendError> {
     let each = gaussians.harmonics_each();
-    // 44 bytes of geometry; colour, harmonics and normal of looks.
-    let widest = (24 + 12 * each as u64).max(44);
+    // 44 bytes of geometry; colour, harmonics and normal of looks; a quarter more in a room.
+    let widest = (44 + 24 + 12 * each as u64) * 5 / 4;
     let most = (device.most_bytes() / widest).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..gaussians.len()).step_by(most) {
@@ -196,29 +304,7 @@ fn upload_gaussians(
         let harmonics = &gaussians.harmonics[range.start * each..range.end * each];
         let normals = gaussians.normal.get(range.clone()).unwrap_or_default();
         let looks = [bytemuck::cast_slice(&colours), bytemuck::cast_slice(harmonics), bytemuck::cast_slice(normals)];
-        buffers.push(ModelBuffer {
-            surfels: range,
-            geometry: columns(device, "captures", &geometry)?,
-            looks: columns(device, "captures", &looks)?,
-        });
-        under_way.add(device, buffers.last())?;
+        buffers.push(rooms.upload(device, "captures", range, [&geometry, &looks])?);
     }
     Ok(buffers)
-}
-
-/// A buffer of columns, one after the other.
-fn columns(device: &Device, label: &str, columns: &[&[u8]]) -> Result<Buffer, BackendError> {
-    let bytes = columns.iter().map(|column| column.len() as u64).sum();
-    let buffer = device.buffer(label, bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-    if bytes > UNDER_WAY {
-        // A copy of all would take much memory.
-        let mut at = 0;
-        for column in columns {
-            device.write(&buffer, at, column);
-            at += column.len() as u64;
-        }
-    } else {
-        device.write(&buffer, 0, &columns.concat());
-    }
-    Ok(buffer)
 }

@@ -37,6 +37,8 @@ pub(in crate::backend) struct Prepared<'a> {
     pub most_bytes: u64,
     /// Entries of the longest list that programs walk over to its end.
     pub most_list: u64,
+    /// Most entries that an invocation walks over of kernels in motion. Longer lists are walked over in stretches.
+    pub stretch: u64,
 }
 
 impl Gpu {
@@ -44,22 +46,17 @@ impl Gpu {
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
         let (channels, see_through) = (DeviceChannels::of(frame), DeviceChannels::see_through(frame));
         let planes = frame.film_planes();
-        // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
-        // for them: a thousand kernels of a batch at one pixel, if each touches 32.
-        // Full EWA walks over a list twice, once for the band and once for the other layers.
+        // An entry takes two turns of a loop. Full EWA walks over a list twice, once for the band and once for the other
+        // layers. A kernel in motion that a pixel meets takes one turn more for each slice that it touches, and one to
+        // find the end; its lists are walked over in stretches.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
-        let walks = if frame.slices() > 0 || layers > 1 { 2 } else { 1 };
-        // The lists of opaque surfels at instants are watched instead: they hold a small part of a batch.
-        let (slots, most_list) = if makes_rounds(frame) {
-            (u64::MAX, self.most_list / walks)
-        } else {
-            (self.most_unwatched / walks, u64::MAX)
-        };
-        let slots = slots.min(self.most_slots);
-        let limits = Limits { bytes: self.most_bytes, slots, groups: self.most_groups };
+        let slices = u64::from(frame.slices());
+        let stretch = self.most_turns / (3 + slices);
+        let most_list = if slices > 0 { u64::MAX } else { self.most_turns / if layers > 1 { 4 } else { 2 } };
+        let limits = Limits { bytes: self.most_bytes, slots: self.most_slots, groups: self.most_groups };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
-        let DeviceState { device, models, groups, buffers, .. } = &mut self.state;
+        let DeviceState { device, models, buffers, .. } = &mut self.state;
         let bytes = schedule.gaussians * size_of::<DeviceGaussian>() as u64;
         if bytes > self.most_bytes {
             return Err(device.error(format!(
@@ -68,10 +65,7 @@ impl Gpu {
                 schedule.gaussians, self.most_bytes
             )));
         }
-        if models.free() {
-            // They would hold the memory of models until they are old.
-            groups.forget_models();
-        }
+        models.begin();
         let filters_all = frame.normalises();
         let filters = |model: &SurfelModel| {
             let see_through =
@@ -109,6 +103,7 @@ impl Gpu {
             schedule,
             most_bytes: self.most_bytes,
             most_list,
+            stretch,
         })
     }
 }

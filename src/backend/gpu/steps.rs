@@ -3,7 +3,7 @@
 
 use wgpu::ComputePass;
 
-use super::bind::{FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
+use super::bind::{BoundProgram, FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
 use super::recorder::{StepWork, dispatch, of_surfels};
 use super::timestamps::Stage;
 use super::upload::Placed;
@@ -33,12 +33,21 @@ impl StepWork for SweepStep<'_> {
     fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Placed) {
         let (tiles, view) = (batch.tiles, batch.view);
         match pass {
-            SweepPass::Visibility => dispatch(recorder, &self.programs.visibility, tiles, view),
+            SweepPass::Visibility => self.stretches(recorder, &self.programs.visibility, batch),
             SweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
-                dispatch(recorder, &self.programs.attribute, tiles, view);
+                self.stretches(recorder, &self.programs.attribute, batch);
             }
             SweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
+        }
+    }
+}
+
+impl SweepStep<'_> {
+    /// One dispatch for each stretch of the lists.
+    fn stretches(&self, recorder: &mut ComputePass<'_>, program: &BoundProgram, batch: &Placed) {
+        for view in [batch.view].iter().chain(&batch.later) {
+            dispatch(recorder, program, batch.tiles, *view);
         }
     }
 }

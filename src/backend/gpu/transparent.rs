@@ -300,6 +300,7 @@ impl Uploaded<'_> {
             Placed {
                 view: upload.add_views(&[view]),
                 views: 1,
+                later: Vec::new(),
                 slots: view.slots,
                 tiles: view.tiles,
                 round_tiles: view.round_tiles,

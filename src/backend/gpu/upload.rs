@@ -22,6 +22,8 @@ pub(in crate::backend) struct Placed {
     /// Where its views begin, bytes, and their number.
     pub view: u32,
     pub views: u32,
+    /// Where the views for later stretches of its lists are, where dispatches walk over so many entries alone.
+    pub later: Vec<u32>,
     /// Slots of all views.
     pub slots: u32,
     /// Most tiles in a row, and most rows of tiles, of any view.
@@ -187,6 +189,11 @@ impl Upload {
             (view.slots, view.round_tiles) = (placed.slots, placed.round_tiles);
         }
         placed.view = self.add_views(&views);
+        if let [view] = views[..] {
+            let stretches = u64::from(placed.slots).div_ceil(parts[0].job.stretch) as u32;
+            let later = (1..stretches).map(|stretch| self.add_views(&[View { resumes: 1, stretch, ..view }]));
+            placed.later = later.collect();
+        }
         for ([object, buffer], workgroups) in tables {
             for table in workgroups.chunks(WORKGROUPS) {
                 placed.surfels.push(SurfelDispatch {

@@ -91,7 +91,7 @@ fn lists_that_are_too_long_split_the_batches() {
     for case in &shared_rest::cases()[..2] {
         let want = picture(&mut roomy, case);
         let mut gpu = roomy.beside();
-        gpu.most_list = 40;
+        gpu.most_turns = 160;
         assert_eq!(picture(&mut gpu, case), want, "{}", case.name);
         assert!(gpu.most_slots < u64::MAX, "{}: no batch was split", case.name);
     }

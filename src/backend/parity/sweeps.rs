@@ -9,6 +9,7 @@ use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
 use super::splat_twins::{Context, Posed, whole};
 use super::sweep_twins::{MapTwins, PublishedTwins, SweptSums};
+use crate::backend::Backend;
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::published::{Map, MapGroup, PublishedSweepGroup};
 use crate::backend::gpu::Gpu;
@@ -16,7 +17,7 @@ use crate::backend::gpu::layout::TILE;
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
 use crate::plan::{MapPass, Published, PublishedSweepPass, Step};
-use crate::renderer::render_checked;
+use crate::renderer::{Rendered, render_checked};
 use crate::time::FrameNumber;
 
 /// Spoils what passes write.
@@ -248,6 +249,50 @@ fn swept_images_look_the_same() {
 fn small_buffers_change_no_swept_image() {
     let Some(mut roomy) = gpu_or_skip("small_buffers_change_no_swept_image") else { return };
     same_with_small_buffers(&mut roomy, &cases::swept());
+}
+
+fn rendered(backend: &mut dyn Backend, case: &Case) -> Rendered {
+    let rendered = render_checked(backend, &case.scene, FrameNumber::from(0), &case.options);
+    rendered.unwrap_or_else(|e| panic!("{}: {e}", case.name))
+}
+
+/// Loops that end early: lists are walked over in stretches.
+#[test]
+fn lists_in_stretches_change_no_swept_image() {
+    let Some(mut roomy) = gpu_or_skip("lists_in_stretches_change_no_swept_image") else { return };
+    let dispatches = |rendered: &Rendered| rendered.stats.gpu.unwrap().dispatches;
+    let mut short = roomy.beside();
+    short.most_turns = 150;
+    for case in cases::swept().iter().filter(|case| !case.kernel().is_published()).take(4) {
+        let (got, want) = (rendered(&mut short, case), rendered(&mut roomy, case));
+        assert!(dispatches(&got) > dispatches(&want), "{}: no list was cut", case.name);
+        assert_eq!(got.picture, want.picture, "{}", case.name);
+    }
+}
+
+/// So many kernels at each pixel that a software device would end a loop over all of them.
+#[test]
+#[ignore = "deep: many kernels at one place"]
+fn no_kernel_of_a_long_list_is_lost() {
+    let Some(mut gpu) = gpu_or_skip("no_kernel_of_a_long_list_is_lost") else { return };
+    let mut case = cases::swept().into_iter().find(|case| !case.kernel().is_published()).unwrap();
+    let mut pile = cases::ball(30_000, 7, false);
+    for (i, position) in pile.position.iter_mut().enumerate() {
+        *position *= 0.02;
+        pile.colour[i] = glam::Vec3::splat(i as f32 / 30_000.0);
+    }
+    pile.axis_u.iter_mut().for_each(|axis| *axis *= 16.0);
+    pile.axis_v.iter_mut().for_each(|axis| *axis *= 16.0);
+    let mut object = cases::object(pile, glam::DVec3::new(0.0, 0.0, -4.0));
+    object.motions = vec![crate::scene::Motion::Linear { velocity: 0.3 * glam::DVec3::X }];
+    object.shape.surface_mut().unwrap().two_sided = true;
+    case.scene = cases::scene(vec![object], [24, 24]);
+    let (got, want) = (rendered(&mut gpu, &case), rendered(&mut Cpu::default(), &case));
+    let (got, want) = (values(&got.picture), values(&want.picture));
+    let worst = got.iter().zip(&want).filter(|(g, w)| g != w).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
+    eprintln!("worst {worst:.1e}");
+    let covered = want.iter().filter(|&&value| value > 0.0 && value < 1.0).count();
+    assert!(worst < 1e-5 && covered > 100, "worst {worst}, {covered} values in between");
 }
 
 /// The pictures of cases, which buffers that are too small do not change.

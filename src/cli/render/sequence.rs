@@ -270,6 +270,10 @@ mod tests {
             }))
         }
 
+        fn abandon(&mut self) {
+            self.under_way.pop_back();
+        }
+
         fn heed(&mut self, _stop: Arc<Stop>) {}
 
         fn stop(&self) -> Arc<Stop> {

@@ -9,9 +9,10 @@ use crate::backend::gpu::device::Device;
 use crate::backend::gpu::programs::Pipelines;
 use crate::backend::parity::cases::{ball, object, scene};
 use crate::backend::{Backend, GpuCalls};
+use crate::model::generate;
 use crate::options::{BlurMode, Quality, RenderOptions};
-use crate::renderer::render_frame;
-use crate::scene::{Motion, Scene};
+use crate::renderer::{FrameQueue, render_frame};
+use crate::scene::{Motion, Object, Scene};
 
 /// A backend with the schedule of hardware.
 fn hardware() -> Gpu {
@@ -60,4 +61,45 @@ fn a_frame_is_one_submission_of_few_dispatches() {
     let calls = steady(&mut gpu, &scene, &options);
     assert_eq!((calls.submissions, calls.waits, calls.bind_groups), (1, 1, 0), "{calls:?}");
     assert!(calls.dispatches <= 400 && calls.writes <= 8 && calls.maps <= 2, "{calls:?}");
+}
+
+/// The calls of each of some frames, of which two are under way together.
+fn sequence(gpu: &mut dyn Backend, scene: &Scene, options: &RenderOptions, frames: i32) -> Vec<GpuCalls> {
+    let mut queue = FrameQueue::new(gpu, scene, options).unwrap();
+    let mut calls = Vec::new();
+    for frame in 0..frames {
+        queue.begin(frame, ()).unwrap();
+        while let Some(done) = queue.ready().unwrap() {
+            calls.push(done.rendered.unwrap().stats.gpu.unwrap());
+        }
+    }
+    while let Some(done) = queue.finish().unwrap() {
+        calls.push(done.rendered.unwrap().stats.gpu.unwrap());
+    }
+    calls
+}
+
+/// In a sequence the device always has work, and cuts of detail, which are other models in each frame, take the rooms of
+/// those before.
+#[test]
+fn frames_of_a_sequence_neither_wait_nor_bind() {
+    let mut gpu = hardware();
+    let falls = |number: u64| {
+        let mut falling = Object::from_cloud(generate::sphere(30_000)).unwrap();
+        falling.transform.translate = DVec3::new(3.0 * number as f64 - 7.5, 0.0, -24.0);
+        falling.motions = vec![Motion::Linear { velocity: 0.2 * DVec3::Z }];
+        falling
+    };
+    let scene = scene((1..5).map(falls).collect(), [320, 180]);
+    let calls = sequence(&mut gpu, &scene, &RenderOptions::default(), 16);
+    for calls in &calls {
+        eprintln!("{calls:?}");
+    }
+    assert_eq!(calls.len(), 16);
+    assert!(calls[..15].iter().all(|calls| calls.waits == 0 && calls.submissions == 2 && calls.writes <= 12));
+    // By then there are rooms for the cuts of all frames that are under way together.
+    let settled = &calls[7..13];
+    assert_eq!(settled.iter().map(|calls| calls.bind_groups).sum::<u64>(), 0);
+    let cuts = settled.iter().filter(|calls| calls.bytes_up > 1_000_000).count();
+    assert!(cuts >= 4, "models were uploaded in {cuts} of {} frames", settled.len());
 }

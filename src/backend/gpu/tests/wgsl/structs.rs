@@ -79,7 +79,8 @@ fn shared() -> Vec<(&'static str, Layout)> {
             film_tile,
             first_segment,
             first_moment,
-            walks
+            walks,
+            stretch
         }),
         layout!(Segment {
             screen,

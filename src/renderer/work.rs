@@ -1,0 +1,114 @@
+//! A frame under way: what is left to do for it, on a backend that may have other frames under way.
+
+use std::borrow::Cow;
+
+use super::{as_fine, check, finite, of_backend, posed, reconstructed, with_detail, with_velocity};
+use crate::auto::AutoFrame;
+use crate::backend::{Backend, BackendError, Rendered};
+use crate::options::{Quality, RenderOptions};
+use crate::scene::{BlockErrors, Cut, Scene};
+use crate::time::FrameNumber;
+
+/// A frame without the layer `object`, of which at least one step was begun.
+///
+/// A step is one rendering of a blur mode, and two of mode auto. Each step is [landed](Self::land) once, in the order in
+/// which the backend has begun them.
+pub(super) struct FrameWork<'a> {
+    kind: Kind<'a>,
+    /// Estimated error by what its surfels leave out.
+    errors: BlockErrors,
+    /// What was asked for.
+    options: &'a RenderOptions,
+}
+
+enum Kind<'a> {
+    /// A blur mode; `None`: it is under way.
+    Mode(Option<Rendered>),
+    Auto(Box<AutoFrame<'a>>),
+}
+
+impl<'a> FrameWork<'a> {
+    /// Begins a frame. Returns how many steps are under way.
+    ///
+    /// # Errors
+    /// The number is not finite, the scene holds what cannot be rendered, or the backend cannot begin.
+    pub(super) fn begin(
+        backend: &mut dyn Backend,
+        scene: &'a Scene,
+        number: FrameNumber,
+        options: &'a RenderOptions,
+    ) -> Result<(Self, usize), BackendError> {
+        let (scene, errors) = match scene.at_frame(finite(number)?.get())? {
+            Cow::Borrowed(scene) => {
+                check(scene, options)?;
+                let Cut { scene, errors } = as_fine(scene, number, options);
+                (scene, errors)
+            }
+            Cow::Owned(scene) => {
+                check(&scene, options)?;
+                let Cut { scene, errors } = as_fine(&scene, number, options);
+                (Cow::Owned(scene.into_owned()), errors)
+            }
+        };
+        let mut of_backend = of_backend(options);
+        if options.reconstruct {
+            of_backend = Cow::Owned(with_velocity(&of_backend));
+        }
+        let (kind, begun) = match options.quality {
+            Quality::Mode(mode) => {
+                let frame = posed(backend, &scene, number, mode, &of_backend)?;
+                backend.begin(frame)?;
+                (Kind::Mode(None), 1)
+            }
+            Quality::Error(target) => {
+                let mut frame = Box::new(AutoFrame::new(scene, number, of_backend, target));
+                let begun = frame.begin(backend)?;
+                (Kind::Auto(frame), begun)
+            }
+        };
+        Ok((Self { kind, errors, options }, begun))
+    }
+
+    /// Renderings of a step.
+    pub(super) const fn renderings(&self) -> usize {
+        match self.kind {
+            Kind::Mode(_) => 1,
+            Kind::Auto(_) => AutoFrame::RENDERINGS,
+        }
+    }
+
+    /// Waits for the step that was begun first, and begins those that follow from it. Returns how many it began.
+    ///
+    /// # Errors
+    /// The backend cannot render the frame within its limits, the device failed, or it was stopped.
+    pub(super) fn land(&mut self, backend: &mut dyn Backend) -> Result<usize, BackendError> {
+        match &mut self.kind {
+            Kind::Mode(rendered) => {
+                *rendered = backend.finish()?;
+                Ok(0)
+            }
+            Kind::Auto(frame) => {
+                frame.land(backend)?;
+                frame.begin(backend)
+            }
+        }
+    }
+
+    /// Is nothing left to wait for?
+    pub(super) fn is_done(&self) -> bool {
+        match &self.kind {
+            Kind::Mode(rendered) => rendered.is_some(),
+            Kind::Auto(frame) => frame.is_done(),
+        }
+    }
+
+    /// What was asked for; `None` where it is not done.
+    pub(super) fn finish(self, backend: &mut dyn Backend) -> Option<Rendered> {
+        let rendered = match self.kind {
+            Kind::Mode(rendered) => rendered,
+            Kind::Auto(frame) => frame.finish(backend),
+        };
+        let rendered = with_detail(rendered?, &self.errors, self.options);
+        Some(if self.options.reconstruct { reconstructed(rendered, self.options) } else { rendered })
+    }
+}
