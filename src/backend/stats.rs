@@ -65,7 +65,7 @@ pub struct GpuCalls {
     pub waits: u64,
     /// Buffers that were mapped into the host's memory.
     pub maps: u64,
-    /// Dispatches. An indirect one counts twice, because another dispatch checks its numbers.
+    /// Dispatches.
     pub dispatches: u64,
     /// Writes to its buffers.
     pub writes: u64,

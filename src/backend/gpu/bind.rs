@@ -43,7 +43,7 @@ impl BoundProgram {
 
     /// Records as many workgroups as the first numbers of a buffer say.
     pub(in crate::backend) fn dispatch_indirect(&self, pass: &mut ComputePass<'_>, offsets: &[u32], groups: &Buffer) {
-        self.calls.dispatch_indirect();
+        self.calls.dispatch();
         self.set(pass, offsets);
         pass.dispatch_workgroups_indirect(groups, 0);
     }

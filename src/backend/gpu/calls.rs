@@ -40,11 +40,6 @@ impl Calls {
         add(&self.dispatches, 1);
     }
 
-    /// wgpu checks the numbers of an indirect dispatch by a dispatch of its own.
-    pub(super) fn dispatch_indirect(&self) {
-        add(&self.dispatches, 2);
-    }
-
     pub(super) fn write(&self, bytes: u64) {
         add(&self.writes, 1);
         add(&self.bytes_up, bytes);

@@ -4,7 +4,8 @@ use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use wgpu::{
-    Adapter, AdapterInfo, Backends, CommandEncoder, DeviceType, Instance, InstanceDescriptor, Limits, SubmissionIndex,
+    Adapter, AdapterInfo, Backends, CommandEncoder, DeviceType, Instance, InstanceDescriptor, InstanceFlags, Limits,
+    SubmissionIndex,
 };
 
 use super::calls::Calls;
@@ -73,11 +74,19 @@ pub fn adapters() -> Vec<AdapterReport> {
     all().iter().map(report).collect()
 }
 
+/// Numbers of indirect dispatches are not checked: another dispatch and two barriers would do it, before each of them.
+/// Pass `bin` keeps them within the limits of all devices (`bin_scan` in bin.wgsl, and `Schedule::most_entries`).
+pub(in crate::backend) const UNCHECKED: InstanceFlags = InstanceFlags::VALIDATION_INDIRECT_CALL;
+
 fn all() -> Vec<Adapter> {
     /// One for the whole program, and never dropped: NVIDIA's driver crashes where several threads make one, or drop
     /// one (<https://github.com/gfx-rs/wgpu/issues/5930>).
     static INSTANCE: OnceLock<Instance> = OnceLock::new();
-    let instance = INSTANCE.get_or_init(|| Instance::new(InstanceDescriptor::new_without_display_handle_from_env()));
+    let instance = INSTANCE.get_or_init(|| {
+        let mut descriptor = InstanceDescriptor::new_without_display_handle_from_env();
+        descriptor.flags -= UNCHECKED;
+        Instance::new(descriptor)
+    });
     // The one that does nothing is for tests.
     pollster::block_on(instance.enumerate_adapters(Backends::all() - Backends::NOOP))
 }

@@ -2,10 +2,10 @@
 //! are empty, pictures are black, and mode auto never goes on.
 
 use glam::DVec3;
-use wgpu::{BackendOptions, Backends, DeviceType, Instance, InstanceDescriptor, NoopBackendOptions};
+use wgpu::{BackendOptions, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags, NoopBackendOptions};
 
 use crate::backend::gpu::Gpu;
-use crate::backend::gpu::device::Device;
+use crate::backend::gpu::device::{Device, UNCHECKED};
 use crate::backend::gpu::programs::Pipelines;
 use crate::backend::parity::cases::{ball, object, scene};
 use crate::backend::{Backend, GpuCalls};
@@ -18,6 +18,7 @@ use crate::scene::{Motion, Object, Scene};
 fn hardware() -> Gpu {
     let descriptor = InstanceDescriptor {
         backends: Backends::NOOP,
+        flags: InstanceFlags::default() - UNCHECKED,
         backend_options: BackendOptions { noop: NoopBackendOptions::enabled(), ..BackendOptions::default() },
         ..InstanceDescriptor::new_without_display_handle()
     };
