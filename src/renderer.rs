@@ -274,15 +274,9 @@ pub(crate) fn render_checked(
         let scene = scene.at_frame(frame.get())?;
         return objects::add_layer(backend, &as_fine(&scene, frame, options).scene, frame, options, rendered);
     }
-    let (mut work, mut steps) = FrameWork::begin(backend, scene, frame, options)?;
-    while steps > 0 {
-        let begun = work.land(backend);
-        if begun.is_err() {
-            (0..work.renderings() * (steps - 1)).for_each(|_| backend.abandon());
-        }
-        steps = steps - 1 + begun?;
-    }
-    let Some(rendered) = work.finish(backend) else { unreachable!("no step is left") };
+    let mut work = FrameWork::begin(backend, scene, frame, options)?;
+    while work.land(backend)? {}
+    let Some(rendered) = work.finish(backend) else { unreachable!("no leg is left") };
     Ok(rendered)
 }
 

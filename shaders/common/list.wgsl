@@ -70,7 +70,8 @@ fn own_before(walk: Walk, i: u32) -> u32 {
 fn stretch_of(walk: Walk) -> Walk {
     if STRETCH == 0xffffffffu { return walk; }
     let entries = walk.end - walk.next + walk.end_wide - walk.next_wide;
-    let first = min(view.stretch * STRETCH, entries);
+    let first = view.stretch * STRETCH;
+    if first >= entries { return Walk(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u); }
     let last = min(first + STRETCH, entries);
     let own = vec2<u32>(own_before(walk, first), own_before(walk, last));
     let of_wide = vec2<u32>(first, last) - own;

@@ -32,6 +32,8 @@ fn published_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_in
     let at = in_tile.y * TILE + in_tile.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
     let mask_at = 3u * index * TILE_PIXELS + at;
+    var walk = stretch_of(walk_of(index));
+    if view.resumes != 0u && !has_next(walk) { return; }
     var sum: Sums;
     var mask: Mask;
     if view.resumes != 0u {
@@ -41,7 +43,6 @@ fn published_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_in
         mask.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
     }
 
-    var walk = walk_of(index);
     while has_next(walk) {
         add_splat(&sum, &mask, next_slot(&walk), pixel);
     }

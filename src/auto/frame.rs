@@ -16,14 +16,10 @@ use crate::options::{ErrorTarget, Interleave, Lattice, PixelFilter, RenderOption
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
-/// Refinements that are under way together, where a backend has several frames under way: it goes on with one while the
-/// host mixes another.
-const TOGETHER: usize = 2;
-
 /// A frame that mode auto renders, with an error of at most `target.error` as far as `target.samples_max` allows.
 ///
-/// [`begin`](Self::begin) begins renderings on a backend, in pairs; [`land`](Self::land) waits for the pair that was
-/// begun first. This goes on, in turn with other frames, until the frame [is done](Self::is_done).
+/// [`begin`](Self::begin) begins a pair of renderings on a backend; [`land`](Self::land) waits for it. This goes on, in
+/// turn with other frames, until the frame [is done](Self::is_done).
 pub(crate) struct AutoFrame<'a> {
     scene: Cow<'a, Scene>,
     number: FrameNumber,
@@ -36,9 +32,9 @@ pub(crate) struct AutoFrame<'a> {
     positions: u32,
     strata: Strata,
     stats: Stats,
-    /// Pairs that are not begun, and those that are under way.
+    /// Pairs that are left to begin, and the one that is under way.
     next: VecDeque<Pair>,
-    under_way: VecDeque<Pair>,
+    under_way: Option<Pair>,
     /// What the first pair left.
     found: Option<Found>,
 }
@@ -103,41 +99,32 @@ impl<'a> AutoFrame<'a> {
             strata,
             stats: Stats::default(),
             next: [Pair { coarse: 1, factor: 1, blocks: None }].into(),
-            under_way: VecDeque::new(),
+            under_way: None,
             found: None,
         }
     }
 
-    /// Begins the next pairs, as many as go together. Returns how many were begun.
+    /// Begins the next pair, if one is left. Returns whether it did.
     ///
     /// # Errors
-    /// As [`Backend::begin`]. Then none was begun.
-    pub(crate) fn begin(&mut self, backend: &mut dyn Backend) -> Result<usize, BackendError> {
-        let together = if backend.in_flight() > 1 { TOGETHER } else { 1 };
-        let mut begun = 0;
-        while self.under_way.len() < together
-            && let Some(pair) = self.next.pop_front()
-        {
-            // Both older half buffers, and the other ones that are under way.
-            let held = 2 + 2 * together as u64 - 1;
-            let strata = self.strata.divided(pair.coarse);
-            if let Err(error) = self.round(&pair, &strata).begin(backend, pair.blocks.as_ref(), held) {
-                (0..Self::RENDERINGS * begun).for_each(|_| backend.abandon());
-                return Err(error);
-            }
-            self.under_way.push_back(pair);
-            begun += 1;
-        }
-        Ok(begun)
+    /// As [`Backend::begin`]. Then nothing was begun.
+    pub(crate) fn begin(&mut self, backend: &mut dyn Backend) -> Result<bool, BackendError> {
+        let Some(pair) = self.next.pop_front() else { return Ok(false) };
+        // Each frame has two older half buffers, and two that are under way, one of which is counted by itself.
+        let held = 4 * backend.in_flight() as u64 - 1;
+        let strata = self.strata.divided(pair.coarse);
+        self.round(&pair, &strata).begin(backend, pair.blocks.as_ref(), held)?;
+        self.under_way = Some(pair);
+        Ok(true)
     }
 
-    /// Waits for the pair that was begun first, and mixes it with those before. After the last pair of a round it
+    /// Waits for the pair that is under way, and mixes it with those before. After the last pair of a round it
     /// decides whether another round follows.
     ///
     /// # Errors
     /// As [`Backend::finish`].
     pub(crate) fn land(&mut self, backend: &mut dyn Backend) -> Result<(), BackendError> {
-        let Some(pair) = self.under_way.pop_front() else { return Ok(()) };
+        let Some(pair) = self.under_way.take() else { return Ok(()) };
         let Some(mut found) = self.found.take() else {
             // The host looks behind the film while the device renders.
             let mut errors = self.errors();
@@ -245,7 +232,7 @@ impl<'a> AutoFrame<'a> {
     }
 
     fn is_round_done(&self) -> bool {
-        self.next.is_empty() && self.under_way.is_empty()
+        self.next.is_empty() && self.under_way.is_none()
     }
 
     /// The blocks whose samples grow once more, by the factors `finer`. Blocks of one pair have the same factors, before

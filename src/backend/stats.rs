@@ -73,7 +73,7 @@ pub struct GpuCalls {
     pub bind_groups: u64,
     /// Bytes of all writes.
     pub bytes_up: u64,
-    /// Bytes of the buffers that were mapped.
+    /// Bytes that were copied to those.
     pub bytes_down: u64,
     /// Sum over the passes that walk over lists of the entries of the longest list: steps that come one after the
     /// other.

@@ -1,8 +1,9 @@
 //! The frames under way, from the one that was asked for last to the one that is handed out next, in their order.
 //!
 //! A backend finishes renderings in the order in which they were begun: the CPU has them done, the GPU has its
-//! submissions (`Gpu::flights`). A frame of mode auto takes several, which wait for each other. Those of the frames
-//! under way come in turn. Frames with the layer `object`, and frames that are passed, are in this queue alone.
+//! submissions (`Gpu::flights`). A frame of mode auto takes several renderings, each of which depends on those before.
+//! Renderings of different frames take turns. Frames with the layer `object`, and frames that are passed, are in this
+//! queue alone.
 
 use std::collections::VecDeque;
 
@@ -29,9 +30,9 @@ pub struct FrameQueue<'a, T> {
     waiting: VecDeque<Waiting<'a, T>>,
     /// Frames that have left.
     left: u64,
-    /// The steps that the backend has under way, in their order: the number of the frame in the queue, counted from the
-    /// first that was ever in it, and its renderings.
-    steps: VecDeque<(u64, usize)>,
+    /// The legs that the backend has under way, in their order: the number of the frame in the queue, counted from the
+    /// first that was ever in it, and the leg's renderings.
+    legs: VecDeque<(u64, usize)>,
 }
 
 /// A frame that leaves the queue.
@@ -82,7 +83,7 @@ impl<'a, T> FrameQueue<'a, T> {
     ) -> Result<Self, BackendError> {
         check_values(scene, options)?;
         check(scene, options)?;
-        Ok(Self { backend, scene, options, waiting: VecDeque::new(), left: 0, steps: VecDeque::new() })
+        Ok(Self { backend, scene, options, waiting: VecDeque::new(), left: 0, legs: VecDeque::new() })
     }
 
     /// Begins frame `number`. With the layer `object` it is rendered at once.
@@ -101,8 +102,8 @@ impl<'a, T> FrameQueue<'a, T> {
         self.waiting.push_back(Waiting { number: number.into(), tag, state: State::Done(None) });
     }
 
-    /// Hands out the next frame if nothing is left to do for it, or if the backend takes no more frames before it is
-    /// finished. `None`: there is room for another frame.
+    /// Hands out the next frame if it was passed, or rendered at once, or failed, or if the backend takes no more frames
+    /// before it is finished. `None`: there is room for another frame.
     ///
     /// # Errors
     /// As of [`finish`](Self::finish).
@@ -120,6 +121,7 @@ impl<'a, T> FrameQueue<'a, T> {
     pub fn finish(&mut self) -> Result<Option<FinishedFrame<T>>, FrameError> {
         while let Some(Waiting { state: State::UnderWay(work), .. }) = self.waiting.front()
             && !work.is_done()
+            && !self.legs.is_empty()
         {
             self.land();
         }
@@ -133,10 +135,10 @@ impl<'a, T> FrameQueue<'a, T> {
         Ok(Some(FinishedFrame { number, tag, rendered }))
     }
 
-    /// Waits for the oldest step under way, whichever frame it belongs to, and begins what follows from it.
+    /// Waits for the oldest leg under way, whichever frame it belongs to, and begins what follows from it.
     fn land(&mut self) {
-        let Some((of, renderings)) = self.steps.pop_front() else { return };
-        // A frame leaves after its last step, or after it failed.
+        let Some((of, renderings)) = self.legs.pop_front() else { return };
+        // A frame leaves after its last leg, or after it failed.
         let frame = of.checked_sub(self.left).and_then(|at| self.waiting.get_mut(at as usize));
         let Some(Waiting { state: state @ State::UnderWay(_), .. }) = frame else {
             (0..renderings).for_each(|_| drop(self.backend.finish()));
@@ -144,7 +146,8 @@ impl<'a, T> FrameQueue<'a, T> {
         };
         let State::UnderWay(work) = state else { return };
         match work.land(self.backend) {
-            Ok(begun) => self.steps.extend((0..begun).map(|_| (of, renderings))),
+            Ok(true) => self.legs.push_back((of, renderings)),
+            Ok(false) => (),
             Err(cause) => *state = State::Failed(cause),
         }
     }
@@ -154,9 +157,8 @@ impl<'a, T> FrameQueue<'a, T> {
             let rendered = render_frame(self.backend, self.scene, number, self.options)?;
             return Ok(State::Done(Some(Box::new(rendered))));
         }
-        let (work, begun) = FrameWork::begin(self.backend, self.scene, number, self.options)?;
-        let of = self.left + self.waiting.len() as u64;
-        self.steps.extend((0..begun).map(|_| (of, work.renderings())));
+        let work = FrameWork::begin(self.backend, self.scene, number, self.options)?;
+        self.legs.push_back((self.left + self.waiting.len() as u64, work.renderings()));
         Ok(State::UnderWay(work))
     }
 }
@@ -164,7 +166,7 @@ impl<'a, T> FrameQueue<'a, T> {
 impl<T> Drop for FrameQueue<'_, T> {
     /// Gives up what is under way, so that the backend can begin something else.
     fn drop(&mut self) {
-        let renderings: usize = self.steps.iter().map(|(_, renderings)| renderings).sum();
+        let renderings: usize = self.legs.iter().map(|(_, renderings)| renderings).sum();
         (0..renderings).for_each(|_| self.backend.abandon());
     }
 }

@@ -9,10 +9,10 @@ use crate::options::{Quality, RenderOptions};
 use crate::scene::{BlockErrors, Cut, Scene};
 use crate::time::FrameNumber;
 
-/// A frame without the layer `object`, of which at least one step was begun.
+/// A frame without the layer `object` that was begun.
 ///
-/// A step is one rendering of a blur mode, and two of mode auto. Each step is [landed](Self::land) once, in the order in
-/// which the backend has begun them.
+/// It goes in legs: a leg is one rendering of a blur mode, and a pair of mode auto. One leg of a frame is under way until it
+/// is [done](Self::is_done). Each is [landed](Self::land) once, in the order in which the backend has begun them.
 pub(super) struct FrameWork<'a> {
     kind: Kind<'a>,
     /// Estimated error by what its surfels leave out.
@@ -28,7 +28,7 @@ enum Kind<'a> {
 }
 
 impl<'a> FrameWork<'a> {
-    /// Begins a frame. Returns how many steps are under way.
+    /// Begins a frame and its first leg.
     ///
     /// # Errors
     /// The number is not finite, the scene holds what cannot be rendered, or the backend cannot begin.
@@ -37,7 +37,7 @@ impl<'a> FrameWork<'a> {
         scene: &'a Scene,
         number: FrameNumber,
         options: &'a RenderOptions,
-    ) -> Result<(Self, usize), BackendError> {
+    ) -> Result<Self, BackendError> {
         let (scene, errors) = match scene.at_frame(finite(number)?.get())? {
             Cow::Borrowed(scene) => {
                 check(scene, options)?;
@@ -54,22 +54,22 @@ impl<'a> FrameWork<'a> {
         if options.reconstruct {
             of_backend = Cow::Owned(with_velocity(&of_backend));
         }
-        let (kind, begun) = match options.quality {
+        let kind = match options.quality {
             Quality::Mode(mode) => {
                 let frame = posed(backend, &scene, number, mode, &of_backend)?;
                 backend.begin(frame)?;
-                (Kind::Mode(None), 1)
+                Kind::Mode(None)
             }
             Quality::Error(target) => {
                 let mut frame = Box::new(AutoFrame::new(scene, number, of_backend, target));
-                let begun = frame.begin(backend)?;
-                (Kind::Auto(frame), begun)
+                frame.begin(backend)?;
+                Kind::Auto(frame)
             }
         };
-        Ok((Self { kind, errors, options }, begun))
+        Ok(Self { kind, errors, options })
     }
 
-    /// Renderings of a step.
+    /// Renderings of a leg.
     pub(super) const fn renderings(&self) -> usize {
         match self.kind {
             Kind::Mode(_) => 1,
@@ -77,15 +77,15 @@ impl<'a> FrameWork<'a> {
         }
     }
 
-    /// Waits for the step that was begun first, and begins those that follow from it. Returns how many it began.
+    /// Waits for the leg that is under way, and begins the next one. Returns whether there is one.
     ///
     /// # Errors
     /// The backend cannot render the frame within its limits, the device failed, or it was stopped.
-    pub(super) fn land(&mut self, backend: &mut dyn Backend) -> Result<usize, BackendError> {
+    pub(super) fn land(&mut self, backend: &mut dyn Backend) -> Result<bool, BackendError> {
         match &mut self.kind {
             Kind::Mode(rendered) => {
                 *rendered = backend.finish()?;
-                Ok(0)
+                Ok(false)
             }
             Kind::Auto(frame) => {
                 frame.land(backend)?;

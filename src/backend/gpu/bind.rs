@@ -10,7 +10,7 @@ use super::bind_groups::{BindGroups, Bound};
 use super::buffers::{Buffers, TABLE_BYTES};
 use super::calls::Calls;
 use super::constants::{
-    paint_resolve_constants, slice_constants, swept_constants, swept_resolve_constants, value_constants,
+    paint_resolve_constants, swept_constants, swept_resolve_constants, swept_visibility_constants, value_constants,
 };
 use super::device::Device;
 use super::layout::{DIGIT_BITS, VIEW_BYTES};
@@ -413,7 +413,7 @@ impl Binder<'_> {
                 project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
                 emit: self.program(Program::BinEmit, &parts.to_vec(), emitted, &[])?,
             },
-            visibility: self.program(Program::SweptVisibility, &slice_constants(prepared), 1, &[])?,
+            visibility: self.program(Program::SweptVisibility, &swept_visibility_constants(prepared), 1, &[])?,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
             attribute: self.program(Program::SweptAttribute, &swept_constants(prepared, swept), 1, &[])?,
         })

@@ -71,24 +71,31 @@ pub(super) fn peel_constants(frame: &Frame, channels: &DeviceChannels, planes: &
 pub(super) fn swept_constants(prepared: &Prepared<'_>, swept: SweptKernel) -> Constants {
     let mut constants = sum_constants(&prepared.channels);
     constants.push(("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)));
+    constants.push(stretch(prepared));
     if swept.is_published() {
         constants.push(("LINE", u32::from(swept.weight == KernelWeight::Line)));
         constants.push(("SOURCE_SAMPLES", swept.source_samples.0));
     } else {
         constants.push(("BY_ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)));
-        constants.extend(slice_constants(prepared));
+        constants.extend(slice_constants(prepared.frame));
     }
     constants
 }
 
 /// For pass `visibility` of kernels in motion.
-pub(super) fn slice_constants(prepared: &Prepared<'_>) -> Constants {
-    let Prepared { frame, stretch, .. } = prepared;
-    vec![
-        ("SLICES", frame.slices().max(1)),
-        ("NEAREST", u32::from(frame.keeps_nearest)),
-        ("STRETCH", (*stretch).min(u64::from(u32::MAX)) as u32),
-    ]
+pub(super) fn swept_visibility_constants(prepared: &Prepared<'_>) -> Constants {
+    let mut constants = slice_constants(prepared.frame);
+    constants.push(stretch(prepared));
+    constants
+}
+
+fn slice_constants(frame: &Frame) -> Constants {
+    vec![("SLICES", frame.slices().max(1)), ("NEAREST", u32::from(frame.keeps_nearest))]
+}
+
+/// Entries of a stretch.
+fn stretch(prepared: &Prepared<'_>) -> (&'static str, u32) {
+    ("STRETCH", u32::try_from(prepared.stretch).unwrap_or(u32::MAX))
 }
 
 /// For passes `resolve`: channels, and where the planes of films are.

@@ -261,9 +261,9 @@ impl Device {
         self.handle.create_bind_group(descriptor)
     }
 
-    /// Asks for the content of a buffer, which is there after a wait.
-    pub(in crate::backend) fn map(&self, buffer: &wgpu::Buffer) {
-        self.calls.map(buffer.size());
+    /// Asks for the content of a buffer, which is there after a wait. `copied`: bytes that were copied to it.
+    pub(in crate::backend) fn map(&self, buffer: &wgpu::Buffer, copied: u64) {
+        self.calls.map(copied);
         buffer.map_async(wgpu::MapMode::Read, .., |_| ());
     }
 

@@ -62,16 +62,18 @@ impl Gpu {
         };
         landing.marks.begin(&self.state.device, prepared.most_passes())?;
         let mut encoder = self.record(&prepared, &mut landing.marks)?;
+        let wanted = prepared.wanted_film();
         let Prepared { planes, schedule, most_list, .. } = prepared;
         let (device, buffers) = (&self.state.device, &self.state.buffers);
         let status_bytes = size_of::<Status>() as u64;
         grow(device, &mut landing.staging, "the film's copy", schedule.film_bytes + status_bytes)?;
-        if schedule.film_bytes > 0 {
-            encoder.copy_buffer_to_buffer(&buffers.film, 0, &landing.staging, 0, schedule.film_bytes);
+        for run in &wanted {
+            encoder.copy_buffer_to_buffer(&buffers.film, run.start, &landing.staging, run.start, run.end - run.start);
         }
+        let copied = status_bytes + wanted.iter().map(|run| run.end - run.start).sum::<u64>();
         encoder.copy_buffer_to_buffer(&buffers.status, 0, &landing.staging, schedule.film_bytes, status_bytes);
         let submission = device.submit([encoder]);
-        device.map(&landing.staging);
+        device.map(&landing.staging, copied);
         landing.marks.ask(device);
         device.check()?;
         let calls = device.calls.since(&before);
@@ -94,11 +96,13 @@ impl Gpu {
     /// Waits for a frame. Lists that outgrew their buffers were left empty. Then the frame is submitted again, with
     /// more room or in smaller batches, until they fit.
     pub(in crate::backend) fn land(&mut self, mut flight: Flight) -> Result<Rendered, BackendError> {
+        let mut others_follow = !self.flights.is_empty();
         loop {
-            match self.try_land(flight)? {
+            match self.try_land(flight, others_follow)? {
                 Ok(rendered) => return Ok(rendered),
                 Err((frame, calls)) => {
-                    flight = self.depart(frame)?;
+                    // The others were submitted before.
+                    (flight, others_follow) = (self.depart(frame)?, false);
                     flight.calls += calls;
                 }
             }
@@ -106,10 +110,14 @@ impl Gpu {
     }
 
     /// Waits for a frame. Returns the frame itself, and the calls so far, if it must be submitted again.
-    fn try_land(&mut self, flight: Flight) -> Result<Result<Rendered, (Frame, GpuCalls)>, BackendError> {
+    fn try_land(
+        &mut self,
+        flight: Flight,
+        others_follow: bool,
+    ) -> Result<Result<Rendered, (Frame, GpuCalls)>, BackendError> {
         let device = &self.state.device;
         let before = device.calls.so_far();
-        device.wait_until(flight.submission.clone(), !self.flights.is_empty())?;
+        device.wait_until(flight.submission.clone(), others_follow)?;
         let frame = flight.frame;
         let mut calls = flight.calls;
         calls += device.calls.since(&before);

@@ -75,7 +75,7 @@ impl<'a> JobPlace<'a> {
         let around = self.area().guarded(interval.guard);
         let has_map = self.prepared.frame.guard().is_some();
         let map = if has_map { around } else { Area { tiles: [0; 2], ..around } };
-        let (walks, stretch) = if has_map { (1, u64::MAX) } else { (2, self.prepared.stretch) };
+        let (walks, stretch) = (if has_map { 1 } else { 2 }, self.prepared.stretch);
         Job { map, interval: Some(interval), walks, stretch, ..self.job(group) }
     }
 

@@ -74,7 +74,7 @@ pub struct Gpu {
     pub(super) first_entries: u64,
     /// Entries that earlier frames needed.
     wanted_entries: u64,
-    /// Ends mode auto between two of its renderings.
+    /// Ends frames before a rendering.
     stop: Arc<Stop>,
 }
 

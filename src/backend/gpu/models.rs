@@ -21,13 +21,14 @@ const MOST_SURFELS: u64 = 1 << 22;
 /// Bytes of uploads that may be under way together: they take memory beside the buffers.
 const UNDER_WAY: u64 = 64 << 20;
 
-/// Frames for which the room of a model that is gone is kept. As long as a few renderings are under way, and their cuts
-/// of detail with them.
+/// Renderings for which the room of a model that is gone is kept. A few of them are under way, each with cuts of its own.
 const KEPT: u64 = 16;
-/// Most bytes of a room that another model takes over.
+/// Most bytes of a room that another model takes over, and of all rooms that wait for one.
 const MOST_KEPT: u64 = 64 << 20;
 /// A model does not take a room of more than so many times its bytes.
-const MOST_WASTE: u64 = 4;
+const MOST_WASTE: u64 = 2;
+/// Bytes of the smallest room.
+const LEAST_ROOM: u64 = 512;
 
 /// The models that were uploaded.
 #[derive(Debug, Default)]
@@ -40,10 +41,10 @@ pub(in crate::backend) struct Models {
 /// Where models go.
 #[derive(Debug, Default)]
 struct Rooms {
-    /// Those that no model has any more, and the frame that found them so.
+    /// Those that no model has any more, and the rendering that found them so; the latest last.
     spare: Vec<(Room, u64)>,
-    /// Frames so far.
-    frames: u64,
+    /// Renderings so far.
+    renderings: u64,
     under_way: UnderWay,
 }
 
@@ -114,12 +115,31 @@ impl UnderWay {
 }
 
 impl Rooms {
-    /// Begins a frame. Rooms that none of the last frames took are freed.
+    /// Begins a rendering. Rooms that none of the last ones took are freed.
     fn begin(&mut self) {
-        self.frames += 1;
-        let frames = self.frames;
-        self.spare.retain(|(room, since)| {
-            let keeps = since + KEPT >= frames && room.buffer.size() <= MOST_KEPT;
+        self.renderings += 1;
+        self.free();
+    }
+
+    /// Takes back the rooms of a model that is gone.
+    fn take_back(&mut self, buffers: Vec<ModelBuffer>) {
+        let now = self.renderings;
+        self.spare.extend(buffers.into_iter().map(|buffer| (buffer.room, now)));
+        self.free();
+    }
+
+    /// Frees spare rooms that are old, and the older ones where all are too large together.
+    fn free(&mut self) {
+        let now = self.renderings;
+        let mut bytes = 0;
+        let mut keeps: Vec<bool> = (self.spare.iter().rev())
+            .map(|(room, since)| {
+                bytes += room.buffer.size();
+                since + KEPT >= now && bytes <= MOST_KEPT
+            })
+            .collect();
+        self.spare.retain(|(room, _)| {
+            let keeps = keeps.pop().unwrap_or(false);
             if !keeps {
                 // Bind groups may still name it.
                 room.buffer.destroy();
@@ -128,25 +148,20 @@ impl Rooms {
         });
     }
 
-    /// Takes back the rooms of a model that is gone.
-    fn take_back(&mut self, buffers: Vec<ModelBuffer>) {
-        let frames = self.frames;
-        self.spare.extend(buffers.into_iter().map(|buffer| (buffer.room, frames)));
-    }
-
     /// A room for so many bytes of geometry and of looks: a spare one that is large enough and not too large, or a new
     /// one.
     fn room(&mut self, device: &Device, label: &str, bytes: [u64; 2]) -> Result<Room, BackendError> {
         let fits = |room: &Room| {
-            let wide = room.buffer.size() <= MOST_WASTE * bytes.iter().sum::<u64>();
-            wide && room.bytes[0] >= bytes[0] && room.bytes[1] >= bytes[1]
+            let most = (MOST_WASTE * bytes.iter().sum::<u64>()).max(LEAST_ROOM);
+            room.buffer.size() <= most && room.bytes[0] >= bytes[0] && room.bytes[1] >= bytes[1]
         };
         let spare = self.spare.iter().enumerate().filter(|(_, (room, _))| fits(room));
         if let Some((at, _)) = spare.min_by_key(|(_, (room, _))| room.buffer.size()) {
             return Ok(self.spare.remove(at).0);
         }
-        let is_kept = bytes.iter().sum::<u64>() < MOST_KEPT;
-        let bytes = bytes.map(|bytes| if is_kept { stepped(bytes.max(1)) } else { bytes.max(1).next_multiple_of(256) });
+        let [exact, wide] =
+            [|bytes: u64| bytes.max(1).next_multiple_of(LEAST_ROOM / 2), stepped].map(|of| bytes.map(of));
+        let bytes = if wide.iter().sum::<u64>() <= MOST_KEPT { wide } else { exact };
         let buffer = device.buffer(label, bytes.iter().sum(), BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
         Ok(Room { buffer, bytes })
     }
@@ -170,7 +185,8 @@ impl Rooms {
                 }
             }
         } else {
-            let mut all = geometry.concat();
+            let mut all = Vec::with_capacity((room.bytes[0] + bytes[1]) as usize);
+            geometry.iter().for_each(|column| all.extend_from_slice(column));
             all.resize(room.bytes[0] as usize, 0);
             looks.iter().for_each(|column| all.extend_from_slice(column));
             device.write(&room.buffer, 0, &all);
@@ -181,7 +197,7 @@ impl Rooms {
 }
 
 impl Models {
-    /// Begins a frame: models that nobody holds any more leave their rooms to others.
+    /// Begins a rendering: models that nobody holds any more leave their rooms to others.
     pub(in crate::backend) fn begin(&mut self) {
         self.rooms.begin();
         let is_gone = |model: &mut Model| {

@@ -1,5 +1,6 @@
 //! A frame that is cut up, with its models on the device and room for everything.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::buffers::grow;
@@ -18,6 +19,12 @@ use crate::scene::SurfelModel;
 /// again for each layer that reads them.
 const PASSES_OF_GROUP: u64 = 18;
 const PASSES_OF_LAYERS: u64 = 4 * (4 * LAYERS as u64 + 3);
+
+/// Bytes that are copied for nothing in place of another copy.
+const GAP: u64 = 1 << 15;
+
+/// Most stretches of the lists of a batch. Most lists are much shorter than the batch.
+const MOST_STRETCHES: u64 = 32;
 
 /// What stays the same while a frame is rendered.
 pub(in crate::backend) struct Prepared<'a> {
@@ -47,13 +54,16 @@ impl Gpu {
         let (channels, see_through) = (DeviceChannels::of(frame), DeviceChannels::see_through(frame));
         let planes = frame.film_planes();
         // An entry takes two turns of a loop. Full EWA walks over a list twice, once for the band and once for the other
-        // layers. A kernel in motion that a pixel meets takes one turn more for each slice that it touches, and one to
-        // find the end; its lists are walked over in stretches.
+        // layers. A kernel in motion that a pixel meets takes one turn more for each slice that it touches, or for each
+        // sample of its source, and one to find the end; its lists are walked over in stretches.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
-        let slices = u64::from(frame.slices());
-        let stretch = self.most_turns / (3 + slices);
-        let most_list = if slices > 0 { u64::MAX } else { self.most_turns / if layers > 1 { 4 } else { 2 } };
-        let limits = Limits { bytes: self.most_bytes, slots: self.most_slots, groups: self.most_groups };
+        let samples_of_source = frame.swept.map_or(0, |swept| u64::from(swept.source_samples.0));
+        let stretch = self.most_turns / (3 + u64::from(frame.slices()).max(samples_of_source));
+        let instants = frame.swept.is_none_or(|swept| swept.is_published());
+        let most_list = if instants { self.most_turns / if layers > 1 { 4 } else { 2 } } else { u64::MAX };
+        let most_slots = if frame.swept.is_some() { stretch.saturating_mul(MOST_STRETCHES) } else { u64::MAX };
+        let limits =
+            Limits { bytes: self.most_bytes, slots: self.most_slots.min(most_slots), groups: self.most_groups };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;
@@ -161,6 +171,28 @@ impl Prepared<'_> {
     /// Do programs bind the whole film? Then the groups of a round may be of several rasters.
     pub(in crate::backend) fn binds_whole_film(&self) -> bool {
         makes_rounds(self.frame) && self.schedule.film_bytes <= self.most_bytes
+    }
+
+    /// Bytes of the film that the host develops, in runs. Small gaps are parts of them.
+    pub(in crate::backend) fn wanted_film(&self) -> Vec<Range<u64>> {
+        let mut runs: Vec<Range<u64>> = Vec::new();
+        let tile_bytes = self.tile_bytes_of_film();
+        for (raster, of_raster) in self.schedule.rasters.iter().zip(&self.frame.rasters) {
+            let first = of_raster.positions.first().map_or([0; 2], |position| position.raster.first);
+            let [columns, rows] = raster.tiles;
+            for (number, [x, y]) in (0..).zip((0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]))) {
+                let [x, y] = [x, y].map(|tile| [tile * TILE, (tile + 1) * TILE - 1].map(|pixel| pixel as usize));
+                if self.frame.wanted.as_ref().is_some_and(|blocks| !blocks.touch(first, [x[0], x[1], y[0], y[1]])) {
+                    continue;
+                }
+                let start = 4 * raster.start + number * tile_bytes;
+                match runs.last_mut() {
+                    Some(run) if start <= run.end + GAP => run.end = start + tile_bytes,
+                    _ => runs.push(start..start + tile_bytes),
+                }
+            }
+        }
+        runs
     }
 
     /// First byte and length of each band's part of the film.

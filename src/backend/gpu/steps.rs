@@ -33,22 +33,20 @@ impl StepWork for SweepStep<'_> {
     fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Placed) {
         let (tiles, view) = (batch.tiles, batch.view);
         match pass {
-            SweepPass::Visibility => self.stretches(recorder, &self.programs.visibility, batch),
+            SweepPass::Visibility => stretches(recorder, &self.programs.visibility, batch),
             SweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
-                self.stretches(recorder, &self.programs.attribute, batch);
+                stretches(recorder, &self.programs.attribute, batch);
             }
             SweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
         }
     }
 }
 
-impl SweepStep<'_> {
-    /// One dispatch for each stretch of the lists.
-    fn stretches(&self, recorder: &mut ComputePass<'_>, program: &BoundProgram, batch: &Placed) {
-        for view in [batch.view].iter().chain(&batch.later) {
-            dispatch(recorder, program, batch.tiles, *view);
-        }
+/// One dispatch for each stretch of the lists.
+fn stretches(recorder: &mut ComputePass<'_>, program: &BoundProgram, batch: &Placed) {
+    for view in [batch.view].iter().chain(&batch.later) {
+        dispatch(recorder, program, batch.tiles, *view);
     }
 }
 
@@ -102,7 +100,7 @@ impl StepWork for PublishedSweepStep<'_> {
         match pass {
             PublishedSweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
-                dispatch(recorder, &self.programs.attribute, tiles, view);
+                stretches(recorder, &self.programs.attribute, batch);
             }
             PublishedSweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
         }

@@ -108,7 +108,7 @@ impl Marks {
     /// Asks for the marks. Call it after the last submission of a frame.
     pub(in crate::backend) fn ask(&self, device: &Device) {
         if let Some(clock) = &self.clock {
-            device.map(&clock.marks);
+            device.map(&clock.marks, clock.marks.size());
         }
     }
 
