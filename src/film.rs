@@ -292,17 +292,21 @@ pub fn develop(
     let plane = |aov: Aov, channel: usize| {
         let mut plane = vec![0.0; columns * height as usize];
         plane.par_chunks_mut(columns).zip(0..height).for_each_init(
-            || vec![0.0; columns],
-            |alpha, (out, y)| {
-                if wanted(y as usize).is_empty() {
+            || [vec![0.0; columns], vec![0.0; columns]],
+            |[alphas, sums], (out, y)| {
+                let wanted = wanted(y as usize);
+                if wanted.is_empty() {
                     return;
                 }
                 if aov == Aov::Samples {
-                    return film.samples(y, out);
+                    film.samples(y, alphas);
+                } else {
+                    film.row(3, y, alphas);
+                    film.row(planes.first(aov) + channel, y, sums);
                 }
-                film.row(3, y, alpha);
-                film.row(planes.first(aov) + channel, y, out);
-                out.iter_mut().zip(&*alpha).for_each(|(value, &alpha)| *value = aov_value(aov, *value, alpha));
+                for x in wanted.into_iter().flatten() {
+                    out[x] = aov_value(aov, sums[x], alphas[x]);
+                }
             },
         );
         plane

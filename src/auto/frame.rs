@@ -267,7 +267,7 @@ mod tests {
     use crate::environment::{Environment, studio};
     use crate::math::{focal_length, srgb};
     use crate::options::RenderOptions;
-    use crate::renderer::render_frame;
+    use crate::renderer::render_checked;
     use crate::sampling::pixel_offsets;
     use crate::scene::pose::camera_from_world;
     use crate::scene::{Motion, Scene};
@@ -282,7 +282,7 @@ mod tests {
         scene.environment = Some(environment.clone());
         scene.camera.motions.push(Motion::Rotation { axis: DVec3::Y, per_frame: 0.52, centre: DVec3::ZERO });
         (scene.image.width, scene.image.height) = (96, 64);
-        let rendered = render_frame(&mut Cpu::default(), &scene, 0, &RenderOptions::default()).unwrap();
+        let rendered = render_checked(&mut Cpu::default(), &scene, 0.into(), &RenderOptions::default()).unwrap();
         let focal = focal_length(64.0, scene.camera.fovy);
         let cameras: Vec<DMat3> = (0..4096)
             .map(|i| scene.shutter.frame_time(0.0, (f64::from(i) + 0.5) / 4096.0))

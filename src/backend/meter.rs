@@ -6,7 +6,7 @@ use crate::stop::{Done, Progress};
 
 /// Counts the steps of the rendering that a backend is at. Others may read it meanwhile; pictures do not depend on it.
 ///
-/// A frame of mode auto takes several renderings, one after the other; other frames take one.
+/// A frame of mode auto takes several renderings; other frames take one.
 #[derive(Debug, Default)]
 pub struct Meter {
     renderings: AtomicU64,
