@@ -49,7 +49,7 @@ fn next_slot(walk: ptr<function, Walk>) -> u32 {
     return wide_slot;
 }
 
-// Of the first i entries of a walk, how many are in the tile's own list. Later lists do not count.
+// How many of the first i entries of a walk are in the tile's own list. Later lists do not count.
 fn own_before(walk: Walk, i: u32) -> u32 {
     let all_wide = walk.end_wide - walk.next_wide;
     var least = max(i, all_wide) - all_wide;

@@ -48,7 +48,7 @@ struct Pair {
     blocks: Option<Blocks>,
 }
 
-/// What is known of a frame after its first round.
+/// All that is known of a frame after its first round.
 struct Found {
     half_buffers: HalfBuffers,
     errors: Errors,
@@ -235,8 +235,8 @@ impl<'a> AutoFrame<'a> {
         self.next.is_empty() && self.under_way.is_none()
     }
 
-    /// The blocks whose samples grow once more, by the factors `finer`. Blocks of one pair have the same factors, before
-    /// it and in it.
+    /// Plans the pairs for the blocks whose samples grow once more, by the factors `finer`. Blocks of one pair have the
+    /// same factors, before it and in it.
     fn refine(&mut self, found: Found) {
         let Found { errors, factors, finer, .. } = &found;
         let steps: Vec<[u32; 2]> = factors.iter().zip(finer).map(|(&all, &factor)| [all / factor, factor]).collect();

@@ -100,8 +100,8 @@ impl Round<'_> {
         (positions.into_values().collect(), of_picture as usize)
     }
 
-    /// Begins to render both half buffers in the wanted blocks. `held`: pictures that are kept meanwhile, beside the one
-    /// that is rendered.
+    /// Begins to render both half buffers in the wanted blocks. `held`: pictures that are kept meanwhile, beside the
+    /// one that is rendered.
     pub(super) fn begin(
         &self,
         backend: &mut dyn Backend,

@@ -65,7 +65,7 @@ struct Waiting<'a, T> {
 }
 
 enum State<'a> {
-    UnderWay(FrameWork<'a>),
+    UnderWay(Box<FrameWork<'a>>),
     /// It is rendered, or need not be.
     Done(Option<Box<Rendered>>),
     Failed(BackendError),
@@ -102,8 +102,8 @@ impl<'a, T> FrameQueue<'a, T> {
         self.waiting.push_back(Waiting { number: number.into(), tag, state: State::Done(None) });
     }
 
-    /// Hands out the next frame if it was passed, or rendered at once, or failed, or if the backend takes no more frames
-    /// before it is finished. `None`: there is room for another frame.
+    /// Hands out the next frame if it was passed, or rendered at once, or failed, or if the backend takes no more
+    /// frames before it is finished. `None`: there is room for another frame.
     ///
     /// # Errors
     /// As of [`finish`](Self::finish).
@@ -159,7 +159,7 @@ impl<'a, T> FrameQueue<'a, T> {
         }
         let work = FrameWork::begin(self.backend, self.scene, number, self.options)?;
         self.legs.push_back((self.left + self.waiting.len() as u64, work.renderings()));
-        Ok(State::UnderWay(work))
+        Ok(State::UnderWay(Box::new(work)))
     }
 }
 

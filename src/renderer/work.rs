@@ -11,8 +11,9 @@ use crate::time::FrameNumber;
 
 /// A frame without the layer `object` that was begun.
 ///
-/// It goes in legs: a leg is one rendering of a blur mode, and a pair of mode auto. One leg of a frame is under way until it
-/// is [done](Self::is_done). Each is [landed](Self::land) once, in the order in which the backend has begun them.
+/// It goes in legs: a leg is one rendering of a blur mode, and a pair of mode auto. One leg of a frame is under way
+/// until the frame is [done](Self::is_done). Each is [landed](Self::land) once, in the order in which the backend has
+/// begun them.
 pub(super) struct FrameWork<'a> {
     kind: Kind<'a>,
     /// Estimated error by what its surfels leave out.
@@ -23,7 +24,7 @@ pub(super) struct FrameWork<'a> {
 
 enum Kind<'a> {
     /// A blur mode; `None`: it is under way.
-    Mode(Option<Rendered>),
+    Mode(Option<Box<Rendered>>),
     Auto(Box<AutoFrame<'a>>),
 }
 
@@ -84,7 +85,7 @@ impl<'a> FrameWork<'a> {
     pub(super) fn land(&mut self, backend: &mut dyn Backend) -> Result<bool, BackendError> {
         match &mut self.kind {
             Kind::Mode(rendered) => {
-                *rendered = backend.finish()?;
+                *rendered = backend.finish()?.map(Box::new);
                 Ok(false)
             }
             Kind::Auto(frame) => {
@@ -105,7 +106,7 @@ impl<'a> FrameWork<'a> {
     /// What was asked for; `None` where it is not done.
     pub(super) fn finish(self, backend: &mut dyn Backend) -> Option<Rendered> {
         let rendered = match self.kind {
-            Kind::Mode(rendered) => rendered,
+            Kind::Mode(rendered) => rendered.map(|rendered| *rendered),
             Kind::Auto(frame) => frame.finish(backend),
         };
         let rendered = with_detail(rendered?, &self.errors, self.options);

@@ -7,8 +7,8 @@ use wgpu::{BindGroup, Buffer, BufferBinding, BufferSize};
 use super::programs::{Program, Slot};
 
 /// Rounds of binding for which bind groups are kept that nobody asks for. Mode auto binds for each of its renderings,
-/// and cuts of detail take turns with the rooms of models ([`models`](super::models)). A bind group may name buffers that
-/// were destroyed, and holds no memory of theirs.
+/// and cuts of detail take turns with the rooms of models ([`models`](super::models)). A bind group may name buffers
+/// that were destroyed, and holds no memory of theirs.
 const KEPT: u64 = 64;
 
 /// What a program is bound to: the buffers of its uniforms, and its other buffers or parts of them.

@@ -173,12 +173,6 @@ impl Buffers {
     }
 }
 
-/// A multiple of 256 that is at least `n`, and a quarter more at most where that is large, so that about the same number is the same, and a buffer of
-/// about the same size stays.
-pub(in crate::backend) fn stepped(n: u64) -> u64 {
-    n.max(1).next_multiple_of((n / 8).next_power_of_two().max(256))
-}
-
 /// Replaces `buffer` by a larger one, if it has less than `bytes` bytes. Its content is lost.
 pub(in crate::backend) fn grow(
     device: &Device,

@@ -29,6 +29,12 @@ pub(in crate::backend) const WORKGROUPS: usize = 2048;
 /// Surfels of a workgroup.
 pub(in crate::backend) const WORKGROUP_SURFELS: u32 = 256;
 
+/// A multiple of 256 that is at least `n`, and a quarter more at most where that is large: so about the same number is
+/// the same, and a buffer of about the same size stays.
+pub(in crate::backend) fn stepped(n: u64) -> u64 {
+    n.max(1).next_multiple_of((n / 8).next_power_of_two().max(256))
+}
+
 /// The work of a dispatch: one group, one band of the image, one batch of surfels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

@@ -1,7 +1,6 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
-use super::buffers::stepped;
-use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS};
+use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS, stepped};
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::{Frame, PixelRect, Position, RasterArea};

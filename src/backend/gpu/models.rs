@@ -1,6 +1,6 @@
 //! Models on the device: surfels and the Gaussians of captures. They are uploaded when a frame first names them, and
-//! stay while the scene holds them. A cut of detail is another model in each frame, of about the same size: it takes the
-//! room of one that is gone, so that bind groups stay.
+//! stay while the scene holds them. A cut of detail is another model in each frame, of about the same size: it takes
+//! the room of one that is gone, so that bind groups stay.
 
 use std::ops::Range;
 use std::sync::{Arc, Weak};
@@ -8,8 +8,8 @@ use std::sync::{Arc, Weak};
 use glam::{Quat, Vec3};
 use wgpu::{Buffer, BufferBinding, BufferSize, BufferUsages};
 
-use super::buffers::stepped;
 use super::device::Device;
+use super::layout::stepped;
 use crate::backend::BackendError;
 use crate::model::paths::OwnPaths;
 use crate::model::{Gaussians, Surfels};
@@ -21,7 +21,8 @@ const MOST_SURFELS: u64 = 1 << 22;
 /// Bytes of uploads that may be under way together: they take memory beside the buffers.
 const UNDER_WAY: u64 = 64 << 20;
 
-/// Renderings for which the room of a model that is gone is kept. A few of them are under way, each with cuts of its own.
+/// Renderings for which the room of a model that is gone is kept. A few of them are under way, each with cuts of its
+/// own.
 const KEPT: u64 = 16;
 /// Most bytes of a room that another model takes over, and of all rooms that wait for one.
 const MOST_KEPT: u64 = 64 << 20;
@@ -186,9 +187,13 @@ impl Rooms {
             }
         } else {
             let mut all = Vec::with_capacity((room.bytes[0] + bytes[1]) as usize);
-            geometry.iter().for_each(|column| all.extend_from_slice(column));
+            for column in geometry {
+                all.extend_from_slice(column);
+            }
             all.resize(room.bytes[0] as usize, 0);
-            looks.iter().for_each(|column| all.extend_from_slice(column));
+            for column in looks {
+                all.extend_from_slice(column);
+            }
             device.write(&room.buffer, 0, &all);
         }
         self.under_way.add(device, room.buffer.size())?;

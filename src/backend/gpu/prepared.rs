@@ -12,6 +12,7 @@ use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, FrameObject, PosedGroup, Raster};
+use crate::options::SweptKernel;
 use crate::plan::LAYERS;
 use crate::scene::SurfelModel;
 
@@ -53,13 +54,13 @@ impl Gpu {
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
         let (channels, see_through) = (DeviceChannels::of(frame), DeviceChannels::see_through(frame));
         let planes = frame.film_planes();
-        // An entry takes two turns of a loop. Full EWA walks over a list twice, once for the band and once for the other
-        // layers. A kernel in motion that a pixel meets takes one turn more for each slice that it touches, or for each
+        // An entry takes two turns of a loop. Full EWA walks over a list twice, for the band and for the other layers.
+        // A kernel in motion that a pixel meets takes one turn more for each slice that it touches, or for each
         // sample of its source, and one to find the end; its lists are walked over in stretches.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
         let samples_of_source = frame.swept.map_or(0, |swept| u64::from(swept.source_samples.0));
         let stretch = self.most_turns / (3 + u64::from(frame.slices()).max(samples_of_source));
-        let instants = frame.swept.is_none_or(|swept| swept.is_published());
+        let instants = frame.swept.is_none_or(SweptKernel::is_published);
         let most_list = if instants { self.most_turns / if layers > 1 { 4 } else { 2 } } else { u64::MAX };
         let most_slots = if frame.swept.is_some() { stretch.saturating_mul(MOST_STRETCHES) } else { u64::MAX };
         let limits =

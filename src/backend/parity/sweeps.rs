@@ -272,7 +272,7 @@ fn lists_in_stretches_change_no_swept_image() {
 
 /// So many kernels at each pixel that a software device would end a loop over all of them.
 #[test]
-#[ignore = "deep: many kernels at one place"]
+#[ignore = "deep: many samples"]
 fn no_kernel_of_a_long_list_is_lost() {
     let Some(mut gpu) = gpu_or_skip("no_kernel_of_a_long_list_is_lost") else { return };
     let mut case = cases::swept().into_iter().find(|case| !case.kernel().is_published()).unwrap();

@@ -80,8 +80,8 @@ fn sequence(gpu: &mut dyn Backend, scene: &Scene, options: &RenderOptions, frame
     calls
 }
 
-/// In a sequence the device always has work, and cuts of detail, which are other models in each frame, take the rooms of
-/// those before.
+/// In a sequence the device always has work. Cuts of detail are other models in each frame, and take the rooms of those
+/// before.
 #[test]
 fn frames_of_a_sequence_neither_wait_nor_bind() {
     let mut gpu = hardware();
@@ -93,9 +93,6 @@ fn frames_of_a_sequence_neither_wait_nor_bind() {
     };
     let scene = scene((1..5).map(falls).collect(), [320, 180]);
     let calls = sequence(&mut gpu, &scene, &RenderOptions::default(), 16);
-    for calls in &calls {
-        eprintln!("{calls:?}");
-    }
     assert_eq!(calls.len(), 16);
     assert!(calls[..15].iter().all(|calls| calls.waits == 0 && calls.submissions == 2 && calls.writes <= 12));
     // By then there are rooms for the cuts of all frames that are under way together.
