@@ -75,7 +75,8 @@ pub fn adapters() -> Vec<AdapterReport> {
 }
 
 /// Numbers of indirect dispatches are not checked: another dispatch and two barriers would do it, before each of them.
-/// Pass `bin` keeps them within the limits of all devices (`bin_scan` in bin.wgsl, and `Schedule::most_entries`).
+/// Pass `bin` keeps them within the limits of all devices (`bin_scan` in bin.wgsl, and `Schedule::most_entries`), and
+/// so does the host for captures: their Gaussians are in one buffer that a program binds.
 pub(in crate::backend) const UNCHECKED: InstanceFlags = InstanceFlags::VALIDATION_INDIRECT_CALL;
 
 fn all() -> Vec<Adapter> {
@@ -212,9 +213,11 @@ impl Device {
         }
     }
 
-    /// Bytes of the largest buffer that a program can bind as a whole, a multiple of 1024.
+    /// Bytes of the largest buffer that a program can bind as a whole, a multiple of 1024. Metal may allow more than
+    /// programs can count.
     pub(in crate::backend) fn most_bytes(&self) -> u64 {
-        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size) & !1023
+        let limits = &self.limits;
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64) & !1023
     }
 
     /// A buffer of at least `bytes` bytes. It is an error if the device has no room for it.

@@ -28,8 +28,8 @@ const KEPT: u64 = 16;
 const MOST_KEPT: u64 = 64 << 20;
 /// A model does not take a room of more than so many times its bytes.
 const MOST_WASTE: u64 = 2;
-/// Bytes of the smallest room.
-const LEAST_ROOM: u64 = 512;
+/// Parts of a room are multiples of this, bytes.
+const STEP: u64 = 256;
 
 /// The models that were uploaded.
 #[derive(Debug, Default)]
@@ -135,8 +135,9 @@ impl Rooms {
         let mut bytes = 0;
         let mut keeps: Vec<bool> = (self.spare.iter().rev())
             .map(|(room, since)| {
-                bytes += room.buffer.size();
-                since + KEPT >= now && bytes <= MOST_KEPT
+                let keeps = since + KEPT >= now && bytes + room.buffer.size() <= MOST_KEPT;
+                bytes += if keeps { room.buffer.size() } else { 0 };
+                keeps
             })
             .collect();
         self.spare.retain(|(room, _)| {
@@ -153,15 +154,14 @@ impl Rooms {
     /// one.
     fn room(&mut self, device: &Device, label: &str, bytes: [u64; 2]) -> Result<Room, BackendError> {
         let fits = |room: &Room| {
-            let most = (MOST_WASTE * bytes.iter().sum::<u64>()).max(LEAST_ROOM);
+            let most = (MOST_WASTE * bytes.iter().sum::<u64>()).max(4 * STEP);
             room.buffer.size() <= most && room.bytes[0] >= bytes[0] && room.bytes[1] >= bytes[1]
         };
         let spare = self.spare.iter().enumerate().filter(|(_, (room, _))| fits(room));
         if let Some((at, _)) = spare.min_by_key(|(_, (room, _))| room.buffer.size()) {
             return Ok(self.spare.remove(at).0);
         }
-        let [exact, wide] =
-            [|bytes: u64| bytes.max(1).next_multiple_of(LEAST_ROOM / 2), stepped].map(|of| bytes.map(of));
+        let [exact, wide] = [|bytes: u64| bytes.max(1).next_multiple_of(STEP), stepped].map(|of| bytes.map(of));
         let bytes = if wide.iter().sum::<u64>() <= MOST_KEPT { wide } else { exact };
         let buffer = device.buffer(label, bytes.iter().sum(), BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
         Ok(Room { buffer, bytes })

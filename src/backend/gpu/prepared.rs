@@ -59,7 +59,7 @@ impl Gpu {
         // sample of its source, and one to find the end; its lists are walked over in stretches.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
         let samples_of_source = frame.swept.map_or(0, |swept| u64::from(swept.source_samples.0));
-        let stretch = self.most_turns / (3 + u64::from(frame.slices()).max(samples_of_source));
+        let stretch = (self.most_turns / (3 + u64::from(frame.slices()).max(samples_of_source))).max(1);
         let instants = frame.swept.is_none_or(SweptKernel::is_published);
         let most_list = if instants { self.most_turns / if layers > 1 { 4 } else { 2 } } else { u64::MAX };
         let most_slots = if frame.swept.is_some() { stretch.saturating_mul(MOST_STRETCHES) } else { u64::MAX };
