@@ -270,9 +270,10 @@ pub(crate) fn render_checked(
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
     if options.look.aovs.contains(&Aov::Object) {
+        // Once, so that the files of a sequence are not looked at again.
+        let scene = &*scene.at_frame(frame.get())?;
         let rendered = render_checked(backend, scene, frame, &without(options, Aov::Object))?;
-        let scene = scene.at_frame(frame.get())?;
-        return objects::add_layer(backend, &as_fine(&scene, frame, options).scene, frame, options, rendered);
+        return objects::add_layer(backend, &as_fine(scene, frame, options).scene, frame, options, rendered);
     }
     let mut work = FrameWork::begin(backend, scene, frame, options)?;
     while work.land(backend)? {}

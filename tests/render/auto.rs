@@ -372,8 +372,8 @@ fn least_memory(backend: &mut dyn Backend, options: &RenderOptions) -> u64 {
     (1_u64..1 << 16).map(|step| step << 16).find(renders).unwrap()
 }
 
-/// Beside the picture that is made, mode auto keeps three: the halves, and the other new one. On a GPU a second frame is
-/// under way, with four.
+/// Beside the picture that is made, mode auto keeps three: the halves, and the other new one. On a GPU a second frame
+/// is under way, with four.
 fn counts_its_pictures(backend: &mut dyn Backend) {
     let aovs = vec![Aov::Depth];
     let options = RenderOptions {
