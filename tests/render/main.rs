@@ -17,6 +17,7 @@ mod gpu;
 mod hostile_values;
 mod image_files;
 mod kernels_in_motion;
+mod levels;
 mod mesh_truth;
 mod minified;
 mod modes;

@@ -1,0 +1,162 @@
+//! Closed forms of pictures with levels of detail: fewer surfels keep colours, outlines, and what a pixel or a blur
+//! leaves of a pattern. `tests/render/detail.rs` has both backends show the same cut.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3, Vec3};
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::Picture;
+use splatblur::options::{BlurMode, Detail, RenderOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::{Motion, Scene};
+
+use crate::support::{UNLIT, object, round_surfels, scene};
+
+const DETAILS: [Detail; 4] = [Detail::Full, Detail::Final, Detail::Good, Detail::Draft];
+/// Pixels a side.
+const SIZE: u32 = 96;
+/// Distance of planes, and of the middles of balls.
+const DEPTH: f64 = 100.0;
+const GREY: Vec3 = Vec3::new(0.2, 0.5, 0.7);
+
+/// Pixels of a length of 1 at a distance of 1.
+fn focal() -> f64 {
+    0.5 * f64::from(SIZE) / 20_f64.to_radians().tan()
+}
+
+/// What a level of detail makes of a scene.
+struct Made {
+    picture: Picture,
+    surfels: u64,
+    /// The stated error of detail.
+    stated: f64,
+}
+
+/// Frame 0 with 32 samples of time and of pixels, in each detail.
+fn made(scene: &Scene) -> [Made; 4] {
+    DETAILS.map(|detail| {
+        let quality = BlurMode::supersample(32).into();
+        let options = RenderOptions { quality, detail, ..RenderOptions::default() };
+        let rendered = render_frame(&mut Cpu::default(), scene, 0, &options).unwrap();
+        let stats = rendered.stats;
+        Made { picture: rendered.picture, surfels: stats.surfels, stated: stats.detail }
+    })
+}
+
+/// A ball of one colour with a radius of 1, `pixels` of them.
+fn ball(pixels: f64) -> Scene {
+    const COUNT: usize = 60_000;
+    let golden = PI * (3.0 - 5_f64.sqrt());
+    let model = round_surfels((0..COUNT).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / COUNT as f64;
+        let (sin, cos) = (i as f64 * golden).sin_cos();
+        let at = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+        (at, at, 4.0 / (COUNT as f64).sqrt(), GREY)
+    }));
+    let mut ball = object(model.spatially_ordered());
+    ball.shape.surface_mut().unwrap().material = Some(UNLIT);
+    // Its outline is a circle of this radius at a distance of 1 over the tangent.
+    let eye = DVec3::Z * (1.0 + (focal() / pixels).powi(2)).sqrt();
+    scene(vec![ball], [SIZE; 2], eye, 40.0)
+}
+
+/// On all levels a ball of one colour keeps its radius and its colour, and nothing shines through it.
+#[test]
+fn a_ball_stays_a_ball() {
+    for pixels in [40.0, 20.0, 10.0, 5.0, 2.5] {
+        let made = made(&ball(pixels));
+        for (made, detail) in made.iter().zip(DETAILS) {
+            let (mut area, mut off) = (0.0, 0.0_f32);
+            for (i, pixel) in made.picture.rgba.iter().enumerate() {
+                area += f64::from(pixel[1]) / f64::from(GREY.y);
+                if corner(i).distance(DVec2::splat(-0.5)) < pixels - 1.0 {
+                    let colour = (Vec3::from_slice(&pixel[..3]) - GREY).abs().max_element();
+                    off = off.max(colour).max((pixel[3] - 1.0).abs());
+                }
+            }
+            let radius = (area / PI).sqrt();
+            println!("{pixels} pixels, {detail:?}: {} surfels, radius {radius:.4}, colour {off:.1e}", made.surfels);
+            assert!((radius - pixels).abs() <= 0.02, "{pixels} {detail:?}: {radius}");
+            assert!(off <= 1e-6, "{pixels} {detail:?}: {off}");
+        }
+        assert!(made[2].surfels * 2 < made[0].surfels, "{pixels}: {} {}", made[2].surfels, made[0].surfels);
+    }
+}
+
+/// A square of `pixels` with a pattern of `colour` at a place in pixels, surfels so many pixels apart.
+fn plane(pixels: f64, spacing: f64, colour: impl Fn(DVec2) -> f64) -> Scene {
+    let unit = DEPTH / focal();
+    let side = (pixels / spacing) as i32;
+    let model = round_surfels((0..side * side).map(|i| {
+        let at = (DVec2::new(f64::from(i % side), f64::from(i / side)) - 0.5 * f64::from(side - 1)) * spacing;
+        ((at * unit).extend(0.0), DVec3::Z, 1.7 * spacing * unit, Vec3::splat(colour(at) as f32))
+    }));
+    let mut plane = object(model.spatially_ordered());
+    plane.shape.surface_mut().unwrap().material = Some(UNLIT);
+    scene(vec![plane], [SIZE; 2], DVec3::Z * DEPTH, 40.0)
+}
+
+/// Upper left corner of a pixel, from the middle of the image; y points down.
+fn corner(pixel: usize) -> DVec2 {
+    DVec2::new((pixel % SIZE as usize) as f64, (pixel / SIZE as usize) as f64) - 0.5 * f64::from(SIZE)
+}
+
+/// A value as it is displayed (sRGB).
+fn shown(value: f64) -> f64 {
+    if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Root mean square difference of a picture from the mean of `pattern` over each pixel, as displayed.
+fn error(picture: &Picture, pattern: impl Fn(DVec2) -> f64) -> f64 {
+    const PARTS: usize = 8;
+    let place = |part: usize| DVec2::new((part % PARTS) as f64 + 0.5, (part / PARTS) as f64 + 0.5) / PARTS as f64;
+    let difference = |(i, pixel): (usize, &[f32; 4])| {
+        let at = (0..PARTS * PARTS).map(|part| corner(i) + place(part));
+        let mean = at.map(|at| pattern(DVec2::new(at.x, -at.y))).sum::<f64>() / (PARTS * PARTS) as f64;
+        shown(mean) - shown(pixel[0].into())
+    };
+    let sum: f64 = picture.rgba.iter().enumerate().map(difference).map(|off| off * off).sum();
+    (sum / picture.rgba.len() as f64).sqrt()
+}
+
+/// What each detail adds to the error of all surfels is at most three times what it may leave out of colours. Waves of
+/// a few pixels take up to two and a half times (docs/measurements/levels.md).
+fn keeps(name: &str, scene: &Scene, truth: impl Fn(DVec2) -> f64) {
+    let made = made(scene);
+    let of_full = error(&made[0].picture, &truth);
+    for (made, (detail, tolerance)) in made[1..].iter().zip(DETAILS[1..].iter().zip([0.0025, 0.005, 0.01])) {
+        let error = error(&made.picture, &truth);
+        let adds = (error * error - of_full * of_full).max(0.0).sqrt();
+        let surfels = made.surfels;
+        println!("{name}, {detail:?}: {surfels} surfels, error {error:.4}, adds {adds:.4}, states {:.4}", made.stated);
+        assert!(adds <= 3.0 * tolerance, "{name}, {detail:?}: {adds:.4}");
+    }
+    assert!(made[3].surfels < made[0].surfels, "{name}");
+}
+
+/// A plate of rings that get narrower outwards, against the mean over pixels.
+#[test]
+fn a_zone_plate_stays_one() {
+    for (spacing, rate) in [(0.4, 1.0), (0.2, 1.0), (0.2, 3.0), (0.1, 1.0)] {
+        // At the sides of the image a wave is `2 / rate` pixels long.
+        let k = 0.5 * PI * rate / (0.5 * f64::from(SIZE));
+        let rings = |at: DVec2| 0.5 + 0.4 * (k * at.length_squared()).cos();
+        keeps(&format!("spacing {spacing}, rate {rate}"), &plane(110.0, spacing, rings), rings);
+    }
+}
+
+/// A wave that moves across itself keeps its height times sinc(path / length) under a box.
+#[test]
+fn a_moving_wave_is_a_sinc() {
+    for (wave, path) in [(3.0, 4.0), (6.0, 4.0), (6.0, 10.0), (12.0, 10.0), (24.0, 10.0), (24.0, 30.0)] {
+        let waves = |height: f64| move |at: DVec2| 0.5 + height * (2.0 * PI * at.x / wave).cos();
+        let mut scene = plane(150.0, 0.25, waves(0.4));
+        let way = DVec3::X * path * DEPTH / focal();
+        scene.objects[0].motions = vec![Motion::Linear { velocity: way }];
+        scene.objects[0].transform.translate = -0.5 * way;
+        let x = PI * path / wave;
+        keeps(&format!("waves of {wave}, path of {path}"), &scene, waves(0.4 * x.sin() / x));
+    }
+}
