@@ -130,8 +130,10 @@ fn captures_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same") else { return };
     for lanes in Lanes::ALL {
         gpu.state.device.lanes = lanes;
-        for case in captures() {
-            check(&mut gpu, &case).unwrap_or_else(|what| panic!("by {lanes:?}: {what}"));
+        // Passes of opaque surfels alone know lanes, and have tests of their own.
+        let some = ["supersample", "bucket", "ewa", "glass", "in part"];
+        for case in captures().iter().filter(|case| lanes == Lanes::Quads || some.contains(&case.name)) {
+            check(&mut gpu, case).unwrap_or_else(|what| panic!("by {lanes:?}: {what}"));
         }
     }
 }
