@@ -39,17 +39,11 @@ impl<'a> FrameWork<'a> {
         number: FrameNumber,
         options: &'a RenderOptions,
     ) -> Result<Self, BackendError> {
-        let (scene, errors) = match scene.at_frame(finite(number)?.get())? {
-            Cow::Borrowed(scene) => {
-                check(scene, options)?;
-                let Cut { scene, errors } = as_fine(scene, number, options);
-                (scene, errors)
-            }
-            Cow::Owned(scene) => {
-                check(&scene, options)?;
-                let Cut { scene, errors } = as_fine(&scene, number, options);
-                (Cow::Owned(scene.into_owned()), errors)
-            }
+        let scene = scene.at_frame(finite(number)?.get())?;
+        check(&scene, options)?;
+        let Cut { scene, errors } = match scene {
+            Cow::Borrowed(scene) => as_fine(scene, number, options),
+            Cow::Owned(scene) => as_fine(&scene, number, options).into_owned(),
         };
         let mut of_backend = of_backend(options);
         if options.reconstruct {

@@ -70,6 +70,11 @@ impl<'a> Cut<'a> {
     pub(crate) fn whole(scene: &'a Scene) -> Self {
         Self { scene: Cow::Borrowed(scene), errors: BlockErrors::default() }
     }
+
+    /// The same, with a scene of its own.
+    pub(crate) fn into_owned(self) -> Cut<'static> {
+        Cut { scene: Cow::Owned(self.scene.into_owned()), errors: self.errors }
+    }
 }
 
 impl Scene {

@@ -190,7 +190,7 @@ fn small_buffers_change_no_capture() {
 /// Slabs that forget those before them are noticed.
 #[test]
 #[ignore = "deep: broken programs"]
-fn broken_slabs_are_noticed() {
+fn captures_notice_broken_slabs() {
     static SLABS: [Mutant; 6] = [
         (
             [(
@@ -211,7 +211,7 @@ fn broken_slabs_are_noticed() {
         ([("quad.layer = number_at(at);", "")], "volume"),
         ([("first = vec4<u32>(sums[at + NEXT * TILE_QUADS])", "first = vec4<u32>(0u)")], "glass, fog"),
     ];
-    let Some(mut roomy) = gpu_or_skip("broken_slabs_are_noticed") else { return };
+    let Some(mut roomy) = gpu_or_skip("captures_notice_broken_slabs") else { return };
     let mut slabs = roomy.beside();
     slabs.most_slots = 100;
     let cases = captures();
@@ -412,8 +412,8 @@ static MUTANTS: [Mutant; 139] = [
 
 #[test]
 #[ignore = "deep: broken programs"]
-fn broken_programs_of_captures_are_noticed() {
-    let Some(mut gpu) = gpu_or_skip("broken_programs_of_captures_are_noticed") else { return };
+fn captures_notice_broken_programs() {
+    let Some(mut gpu) = gpu_or_skip("captures_notice_broken_programs") else { return };
     let cases = captures();
     all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
 }
