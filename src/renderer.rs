@@ -271,7 +271,7 @@ pub(crate) fn render_checked(
 ) -> Result<Rendered, BackendError> {
     if options.look.aovs.contains(&Aov::Object) {
         // Once, so that the files of a sequence are not looked at again.
-        let scene = &*scene.at_frame(frame.get())?;
+        let scene = &*scene.at_frame(finite(frame)?.get())?;
         let rendered = render_checked(backend, scene, frame, &without(options, Aov::Object))?;
         return objects::add_layer(backend, &as_fine(scene, frame, options).scene, frame, options, rendered);
     }

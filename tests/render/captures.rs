@@ -157,7 +157,8 @@ fn decoded(e: f64) -> f64 {
     if e <= 0.040_45 { e / 12.92 } else { ((e + 0.055) / 1.055).powf(2.4) }
 }
 
-fn encoded(l: f64) -> f64 {
+/// The code of linear light, likewise.
+pub(crate) fn encoded(l: f64) -> f64 {
     if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
 }
 
