@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DQuat, DVec2, DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::options::{BlurMode, Detail, RenderOptions};
@@ -13,7 +13,7 @@ use splatblur::renderer::render_frame;
 use splatblur::scene::{Motion, Scene};
 
 use crate::captures::encoded;
-use crate::support::{UNLIT, object, round_surfels, scene};
+use crate::support::{Random, UNLIT, object, round_surfels, scene, sphere};
 
 const DETAILS: [Detail; 4] = [Detail::Full, Detail::Final, Detail::Good, Detail::Draft];
 /// Pixels a side.
@@ -47,18 +47,9 @@ fn made(scene: &Scene) -> [Made; 4] {
 }
 
 /// A ball of one colour with a radius of 1, `pixels` of them.
-///
-/// It is not the ball of `support::sphere`, whose surfels lie half a step further around: of that one a sample near the
-/// outline shows the background at 5 pixels (docs/measurements/levels.md).
 fn ball(pixels: f64) -> Scene {
-    const COUNT: usize = 60_000;
-    let golden = PI * (3.0 - 5_f64.sqrt());
-    let model = round_surfels((0..COUNT).map(|i| {
-        let z = 1.0 - 2.0 * (i as f64 + 0.5) / COUNT as f64;
-        let (sin, cos) = (i as f64 * golden).sin_cos();
-        let at = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
-        (at, at, 4.0 / (COUNT as f64).sqrt(), GREY)
-    }));
+    let mut model = sphere(60_000);
+    model.colour.fill(GREY);
     let mut ball = object(model.spatially_ordered());
     ball.shape.surface_mut().unwrap().material = Some(UNLIT);
     // Its outline is a circle of this radius at a distance of 1 over the tangent.
@@ -87,6 +78,55 @@ fn a_ball_stays_a_ball() {
             assert!(off <= 1e-6, "{pixels} {detail:?}: {off}");
         }
         assert!(made[2].surfels * 2 < made[0].surfels, "{pixels}: {} {}", made[2].surfels, made[0].surfels);
+    }
+}
+
+/// A closed surface of one colour, turned at random: an ellipsoid or a ring, `pixels` from its middle to its farthest
+/// point.
+fn closed(random: &mut Random, pixels: f64) -> Scene {
+    const COUNT: usize = 60_000;
+    let golden = PI * (3.0 - 5_f64.sqrt());
+    let turn = DQuat::from_rotation_arc(DVec3::Z, random.direction());
+    let (is_ring, phase) = (random.next() < 0.4, random.next());
+    let axes = DVec3::new(1.0, random.within(0.3, 1.0), random.within(0.3, 1.0));
+    let tube = random.within(0.15, 0.4);
+    let model = round_surfels((0..COUNT).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + phase) / COUNT as f64;
+        let (sin, cos) = (i as f64 * golden).sin_cos();
+        let (at, normal) = if is_ring {
+            // Points are as dense inside as outside: Kepler's equation.
+            let around = (0..20).fold(PI * z, |around, _| PI * z - tube / (1.0 - tube) * around.sin());
+            let normal = DVec3::new(around.cos() * cos, around.cos() * sin, around.sin());
+            (DVec3::new(cos, sin, 0.0) * (1.0 - tube) + normal * tube, normal)
+        } else {
+            let ball = DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            (ball * axes, (ball / axes).normalize())
+        };
+        // On a ball they are 3.5 / sqrt(COUNT) apart, on the others less.
+        (turn * at, turn * normal, 2.8 / (COUNT as f64).sqrt(), GREY)
+    }));
+    let mut closed = object(model.spatially_ordered());
+    closed.shape.surface_mut().unwrap().material = Some(UNLIT);
+    let eye = DVec3::Z * (1.0 + (focal() / pixels).powi(2)).sqrt();
+    scene(vec![closed], [SIZE; 2], eye, 40.0)
+}
+
+/// No cut through a closed surface shows the background where all surfels hide it, in a pixel and in those around it.
+#[test]
+fn nothing_shines_through_closed_surfaces() {
+    let mut random = Random(411);
+    let hidden = |picture: &Picture, i: usize| (picture.rgba[i][1] - GREY.y).abs() < 1e-6;
+    for _ in 0..60 {
+        let pixels = 3.0 * 12_f64.powf(random.next());
+        let made = made(&closed(&mut random, pixels));
+        let side = SIZE as usize;
+        let around = |i: usize| [0, side, 2 * side].into_iter().flat_map(move |row| row + i..row + i + 3);
+        let inside = (0..side * (side - 2) - 2).filter(|&i| around(i).all(|i| hidden(&made[0].picture, i)));
+        for i in inside.map(|i| i + side + 1) {
+            for (made, detail) in made[1..].iter().zip(&DETAILS[1..]) {
+                assert!(hidden(&made.picture, i), "radius {pixels:.1}, {detail:?}: pixel {i}");
+            }
+        }
     }
 }
 

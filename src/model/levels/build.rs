@@ -244,6 +244,9 @@ fn merge_cells(below: &[Disc], bits: u32, grid: &Grid, occupied: &Occupied) -> V
         own.extend(groups[..count].iter().map(|(_, discs)| {
             let mut disc = merger.merge(discs, edge);
             disc.contrast = occupied.contrast(&disc, grid);
+            if disc.contrast < 1.0 {
+                merger.widen(&mut disc, edge);
+            }
             disc
         }));
     }

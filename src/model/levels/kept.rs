@@ -8,7 +8,7 @@ use crate::model::surfels::{KeptLevels, Surfels, Tree};
 
 /// The version of the rules by which trees are made. A program makes trees of other versions anew, so that a file and
 /// its model give the same picture.
-pub(in crate::model) const VERSION: i64 = 1;
+pub(in crate::model) const VERSION: i64 = 2;
 
 /// A tree, and the surfels that it is of.
 struct KeptTree {

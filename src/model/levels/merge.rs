@@ -25,6 +25,9 @@ pub(super) const DIRECTIONS: [Vec2; 8] = [
 const BESIDE: usize = 16;
 /// Least semi-axis of a merged disc, in edges of its cell: discs about the middles of cells cover their corners.
 const LEAST: f32 = 0.72;
+/// The same where its surface goes on around it: nearly half of a cell's diagonal. A plane of any direction may cut a
+/// cell that far from its middle, and what is not covered there is a hole.
+const LEAST_WITHIN: f32 = 0.85;
 
 /// A disc of a model or of a level, with what its level needs to know of the discs below it.
 #[derive(Clone, Copy, Debug)]
@@ -163,6 +166,25 @@ pub(super) struct Merger {
     flats: Vec<Flat>,
     /// Where each disc begins and ends along a line.
     spans: Vec<(f32, f32)>,
+    last: Outline,
+}
+
+/// How far a merged disc reaches, and how far it could.
+#[derive(Clone, Copy, Default)]
+struct Outline {
+    semi: Vec2,
+    /// Semi-axes with which it holds all discs below it.
+    holding: Vec2,
+    /// How far these reach in each of [`DIRECTIONS`].
+    held: [f32; DIRECTIONS.len()],
+}
+
+impl Outline {
+    /// The mean square of how far it reaches over the discs below it.
+    fn over(&self) -> f32 {
+        let own = DIRECTIONS.map(|to| (to * self.semi).length());
+        own.iter().zip(self.held).map(|(own, held)| (own - held).powi(2)).sum::<f32>() / DIRECTIONS.len() as f32
+    }
 }
 
 impl Merger {
@@ -213,8 +235,7 @@ impl Merger {
             let [u, v] = [disc.axis_u.dot(towards), disc.axis_v.dot(towards)];
             disc.deviation + disc.reach() + (disc.position - position).dot(towards).powi(2) + 0.5 * (u * u + v * v)
         });
-        let over =
-            reach(semi).iter().zip(held).map(|(own, held)| (own - held).powi(2)).sum::<f32>() / DIRECTIONS.len() as f32;
+        self.last = Outline { semi, holding, held };
         let below: Mat3 = discs.iter().zip(shares).map(|(disc, share)| disc.changes * *share).sum();
         let rates = [0, 1].map(|order| mean(discs, shares, |disc| disc.rates[order]));
         let stray =
@@ -243,10 +264,19 @@ impl Merger {
             front: mean(discs, shares, |disc| disc.front),
             shading: mean(discs, shares, |disc| disc.shading),
             deviation: off + gap * gap,
-            over,
+            over: self.last.over(),
             contrast: 0.0,
             changes: below + changes(discs, shares, edge),
         }
+    }
+
+    /// Widens the disc that was merged last, within a surface that goes on around it.
+    pub(super) fn widen(&mut self, disc: &mut Disc, edge: f32) {
+        let before = self.last.semi;
+        self.last.semi = before.max(self.last.holding.min(Vec2::splat(LEAST_WITHIN * edge)));
+        disc.axis_u *= self.last.semi.x / before.x;
+        disc.axis_v *= self.last.semi.y / before.y;
+        disc.over = self.last.over();
     }
 
     /// How far the discs reach in each of [`DIRECTIONS`], and the widest gap between them along one of these lines: a
