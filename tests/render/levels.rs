@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
+use splatblur::Surfels;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::options::{BlurMode, Detail, RenderOptions};
@@ -50,11 +51,16 @@ fn made(scene: &Scene) -> [Made; 4] {
 fn ball(pixels: f64) -> Scene {
     let mut model = sphere(60_000);
     model.colour.fill(GREY);
-    let mut ball = object(model.spatially_ordered());
-    ball.shape.surface_mut().unwrap().material = Some(UNLIT);
-    // Its outline is a circle of this radius at a distance of 1 over the tangent.
+    unlit(model, pixels)
+}
+
+/// An unlit model within a ball of radius 1, which has `pixels`.
+fn unlit(model: Surfels, pixels: f64) -> Scene {
+    let mut object = object(model.spatially_ordered());
+    object.shape.surface_mut().unwrap().material = Some(UNLIT);
+    // The outline of the ball is a circle of this radius at a distance of 1 over the tangent.
     let eye = DVec3::Z * (1.0 + (focal() / pixels).powi(2)).sqrt();
-    scene(vec![ball], [SIZE; 2], eye, 40.0)
+    scene(vec![object], [SIZE; 2], eye, 40.0)
 }
 
 /// On all levels a ball of one colour keeps its radius and its colour, and nothing shines through it.
@@ -105,16 +111,14 @@ fn closed(random: &mut Random, pixels: f64) -> Scene {
         // On a ball they are 3.5 / sqrt(COUNT) apart, on the others less.
         (turn * at, turn * normal, 2.8 / (COUNT as f64).sqrt(), GREY)
     }));
-    let mut closed = object(model.spatially_ordered());
-    closed.shape.surface_mut().unwrap().material = Some(UNLIT);
-    let eye = DVec3::Z * (1.0 + (focal() / pixels).powi(2)).sqrt();
-    scene(vec![closed], [SIZE; 2], eye, 40.0)
+    unlit(model, pixels)
 }
 
 /// No cut through a closed surface shows the background where all surfels hide it, in a pixel and in those around it.
 #[test]
 fn nothing_shines_through_closed_surfaces() {
     let mut random = Random(411);
+    let mut looked_at = 0;
     let hidden = |picture: &Picture, i: usize| (picture.rgba[i][1] - GREY.y).abs() < 1e-6;
     for _ in 0..60 {
         let pixels = 3.0 * 12_f64.powf(random.next());
@@ -123,11 +127,13 @@ fn nothing_shines_through_closed_surfaces() {
         let around = |i: usize| [0, side, 2 * side].into_iter().flat_map(move |row| row + i..row + i + 3);
         let inside = (0..side * (side - 2) - 2).filter(|&i| around(i).all(|i| hidden(&made[0].picture, i)));
         for i in inside.map(|i| i + side + 1) {
+            looked_at += 1;
             for (made, detail) in made[1..].iter().zip(&DETAILS[1..]) {
                 assert!(hidden(&made.picture, i), "radius {pixels:.1}, {detail:?}: pixel {i}");
             }
         }
     }
+    assert!(looked_at > 10_000, "{looked_at}");
 }
 
 /// A square of `pixels` with a pattern of `colour` at a place in pixels, surfels so many pixels apart.

@@ -242,10 +242,10 @@ fn merge_cells(below: &[Disc], bits: u32, grid: &Grid, occupied: &Occupied) -> V
             groups[group].1.push(disc);
         }
         own.extend(groups[..count].iter().map(|(_, discs)| {
-            let mut disc = merger.merge(discs, edge);
+            let (mut disc, outline) = merger.merge(discs, edge);
             disc.contrast = occupied.contrast(&disc, grid);
             if disc.contrast < 1.0 {
-                merger.widen(&mut disc, edge);
+                outline.widen(&mut disc, edge);
             }
             disc
         }));

@@ -166,12 +166,10 @@ pub(super) struct Merger {
     flats: Vec<Flat>,
     /// Where each disc begins and ends along a line.
     spans: Vec<(f32, f32)>,
-    last: Outline,
 }
 
 /// How far a merged disc reaches, and how far it could.
-#[derive(Clone, Copy, Default)]
-struct Outline {
+pub(super) struct Outline {
     semi: Vec2,
     /// Semi-axes with which it holds all discs below it.
     holding: Vec2,
@@ -185,12 +183,21 @@ impl Outline {
         let own = DIRECTIONS.map(|to| (to * self.semi).length());
         own.iter().zip(self.held).map(|(own, held)| (own - held).powi(2)).sum::<f32>() / DIRECTIONS.len() as f32
     }
+
+    /// Widens `disc`, whose outline it is, within a surface that goes on around it. `edge`: of its cell.
+    pub(super) fn widen(mut self, disc: &mut Disc, edge: f32) {
+        let before = self.semi;
+        self.semi = before.max(self.holding.min(Vec2::splat(LEAST_WITHIN * edge)));
+        disc.axis_u *= self.semi.x / before.x;
+        disc.axis_v *= self.semi.y / before.y;
+        disc.over = self.over();
+    }
 }
 
 impl Merger {
     /// One disc in place of `discs` of a cell with this edge; there is one at least. Area, middle, mean colour and mean
     /// normal are theirs, weighted by their areas. In the mean over all directions it reaches as far as they do.
-    pub(super) fn merge(&mut self, discs: &[&Disc], edge: f32) -> Disc {
+    pub(super) fn merge(&mut self, discs: &[&Disc], edge: f32) -> (Disc, Outline) {
         let area: f32 = discs.iter().map(|disc| disc.area).sum();
         self.shares.clear();
         self.shares.extend(discs.iter().map(|disc| disc.area / area));
@@ -235,13 +242,13 @@ impl Merger {
             let [u, v] = [disc.axis_u.dot(towards), disc.axis_v.dot(towards)];
             disc.deviation + disc.reach() + (disc.position - position).dot(towards).powi(2) + 0.5 * (u * u + v * v)
         });
-        self.last = Outline { semi, holding, held };
+        let outline = Outline { semi, holding, held };
         let below: Mat3 = discs.iter().zip(shares).map(|(disc, share)| disc.changes * *share).sum();
         let rates = [0, 1].map(|order| mean(discs, shares, |disc| disc.rates[order]));
         let stray =
             |disc: &Disc, order: usize| disc.strays[order] + (disc.rates[order] - rates[order]).length_squared();
         let coefficient = |of: fn(&Material) -> f32| number(&|disc| of(&disc.material));
-        Disc {
+        let disc = Disc {
             position,
             axis_u,
             axis_v,
@@ -264,19 +271,11 @@ impl Merger {
             front: mean(discs, shares, |disc| disc.front),
             shading: mean(discs, shares, |disc| disc.shading),
             deviation: off + gap * gap,
-            over: self.last.over(),
+            over: outline.over(),
             contrast: 0.0,
             changes: below + changes(discs, shares, edge),
-        }
-    }
-
-    /// Widens the disc that was merged last, within a surface that goes on around it.
-    pub(super) fn widen(&mut self, disc: &mut Disc, edge: f32) {
-        let before = self.last.semi;
-        self.last.semi = before.max(self.last.holding.min(Vec2::splat(LEAST_WITHIN * edge)));
-        disc.axis_u *= self.last.semi.x / before.x;
-        disc.axis_v *= self.last.semi.y / before.y;
-        disc.over = self.last.over();
+        };
+        (disc, outline)
     }
 
     /// How far the discs reach in each of [`DIRECTIONS`], and the widest gap between them along one of these lines: a
