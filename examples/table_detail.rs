@@ -4,10 +4,11 @@
 //!
 //! - `distances`: detail `good` beside all surfels: FLIP where something is seen, the share of surfels, and the stated
 //!   error over the true one; models of five sizes, at rest and with paths of 4, 16 and 64 pixels;
+//! - `volumes`: the same for clouds made of a seed, at details `draft`, `good` and `final`;
 //! - `figures`: seconds of a frame after loading, for a figure 60 pixels tall of 10^4 to 10^7 surfels.
 //!
 //! `models`: a folder with two scans that do not ship, `guanyin.ply` and `pond_mvs.ply`. `scene`: one model alone, by
-//! the name of its file. The results stand in docs/measurements/levels.md.
+//! the name of its file. `seed`: another one for the clouds. The results stand in docs/measurements/levels.md.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
 
@@ -25,7 +26,8 @@ use splatblur::options::{BlurMode, Detail, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Object, Scene};
 use splatblur::scene_file::{SceneLoadOptions, load};
-use support::Arguments;
+use support::volumes::cloud;
+use support::{Arguments, Random};
 
 const SIZE: [u32; 2] = [480, 270];
 const FOVY: f64 = 40.0;
@@ -36,9 +38,12 @@ const PATHS: [f64; 4] = [0.0, 4.0, 16.0, 64.0];
 const SAMPLES: u32 = 64;
 
 fn main() {
-    let asked = Arguments::read(&["distances", "figures"], &["models", "scene"]);
+    let asked = Arguments::read(&["distances", "volumes", "figures"], &["models", "scene", "seed"]);
     if asked.table("distances") {
         distances(&asked);
+    }
+    if asked.table("volumes") {
+        volumes(asked.value("seed").map_or(1, |seed| seed.parse().expect("a seed")));
     }
     if asked.table("figures") {
         figures();
@@ -115,6 +120,42 @@ fn distances(asked: &Arguments) {
         }
     }
     println!("\nworst: {worst:.4}");
+}
+
+/// Clouds of the table of volumes.
+const CLOUDS: u64 = 40;
+
+fn volumes(seed: u64) {
+    let details = [Detail::Draft, Detail::Good, Detail::Final];
+    println!("| cells, pixels | kernels | {} |", details.map(|detail| detail.word()).join(" | "));
+    println!("|---|---:|{}", "---|".repeat(details.len()));
+    let mut ratios = Vec::new();
+    for i in 0..CLOUDS {
+        let mut random = Random(seed.wrapping_mul(1_000_003).wrapping_add(i));
+        let cells = random.within(24.0, 80.0) as u32;
+        let model = cloud(&mut random, cells);
+        let (kernels, pixels) = (model.len(), f64::from(cells) * random.within(0.15, 1.0));
+        let mut scene = Scene::new([Object::from_gaussians(model).expect("a cloud")]);
+        (scene.image.width, scene.image.height) = (128, 128);
+        scene.image.background = DVec3::splat(random.next());
+        let focal = 64.0 / (0.5 * scene.camera.fovy).tan();
+        scene.camera = Camera::new(random.direction() * (2.0 * focal / pixels + 1.0), DVec3::ZERO);
+        let (full, all, _) = render(&scene, Detail::Full);
+        let cells_of = details.map(|detail| {
+            let (made, some, stated) = render(&scene, detail);
+            if some == all {
+                return "all".to_owned();
+            }
+            let (error, rms) = differences(&made, &full);
+            ratios.push(stated / rms);
+            format!("{error:.4}, {:.3}, {:.1}", some as f64 / all as f64, stated / rms)
+        });
+        println!("| {cells}, {pixels:.0} | {kernels} | {} |", cells_of.join(" | "));
+    }
+    ratios.sort_by(f64::total_cmp);
+    let covered = ratios.iter().filter(|&&ratio| ratio >= 1.0).count();
+    let [tenth, median, last] = [1, 5, 9].map(|tenth| ratios[ratios.len() * tenth / 10]);
+    println!("\nstated over true: covered {covered} of {}, {tenth:.2}, {median:.2}, {last:.2}", ratios.len());
 }
 
 /// The mean of FLIP over the pixels that are seen in either picture, and the root mean square of all display values.

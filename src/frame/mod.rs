@@ -320,8 +320,8 @@ fn model_bytes(scene: &Scene) -> u64 {
     let mut models: Vec<_> = surfels().map(SurfelModel::surfels).collect();
     models.sort_by_key(|model| Arc::as_ptr(model));
     models.dedup_by_key(|model| Arc::as_ptr(model));
-    let captures = scene.objects.iter().filter_map(|object| object.shape.gaussians());
-    let mut captures: Vec<_> = captures.map(GaussianModel::gaussians).collect();
+    let gaussians = || scene.objects.iter().filter_map(|object| object.shape.gaussians());
+    let mut captures: Vec<_> = gaussians().map(GaussianModel::gaussians).collect();
     captures.sort_by_key(|capture| Arc::as_ptr(capture));
     captures.dedup_by_key(|capture| Arc::as_ptr(capture));
     let surroundings = scene.environment.as_ref().map_or(0, Environment::bytes);
@@ -336,6 +336,10 @@ fn model_bytes(scene: &Scene) -> u64 {
     wholes.sort_by_key(|whole| Arc::as_ptr(&whole.surfels));
     wholes.dedup_by_key(|whole| Arc::as_ptr(&whole.surfels));
     let wholes: u64 = wholes.iter().map(|whole| whole.bytes()).sum();
+    let mut volumes: Vec<_> = gaussians().filter_map(GaussianModel::whole).collect();
+    volumes.sort_by_key(|whole| Arc::as_ptr(&whole.kernels));
+    volumes.dedup_by_key(|whole| Arc::as_ptr(&whole.kernels));
+    let wholes = wholes + volumes.iter().map(|whole| whole.bytes()).sum::<u64>();
     models.iter().map(|model| model.bytes()).sum::<u64>() + wholes + paths + captures + surroundings + behind
 }
 

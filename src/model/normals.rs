@@ -104,7 +104,7 @@ fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
 
 /// Eigenvalues, ascending, and unit eigenvectors of a symmetric matrix by cyclic Jacobi rotations (Golub and Van Loan,
 /// *Matrix Computations*, 8.5). They need no function but square roots, so the bits are the same on every computer.
-fn eigen(mut a: DMat3) -> ([f64; 3], [DVec3; 3]) {
+pub(super) fn eigen(mut a: DMat3) -> ([f64; 3], [DVec3; 3]) {
     let mut v = DMat3::IDENTITY;
     // The rotations converge quadratically. No input has needed more than five sweeps.
     for _ in 0..12 {

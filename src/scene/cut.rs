@@ -4,6 +4,7 @@
 //! any part of a sequence can be rendered by itself.
 
 mod blocks;
+mod volumes;
 
 pub(crate) use blocks::BlockErrors;
 
@@ -85,10 +86,17 @@ impl Scene {
         let image = ImagePlane::of(self);
         let mut errors = BlockErrors::of_size(image.size);
         let cut = |object: &Object| {
-            let Shape::Surfels { model, surface, points } = &object.shape else { return None };
             let tolerance = match object.detail {
                 Detail::Auto => tolerance,
                 own => CutTolerance::of(own.error(Quality::default())?),
+            };
+            let (model, surface, points) = match &object.shape {
+                Shape::Surfels { model, surface, points } => (model, surface, points),
+                Shape::Volume { model, material } => {
+                    let model = volumes::cut(model, &views(self, object, number), tolerance, image, &mut errors)?;
+                    return Some(Shape::Volume { model, material: *material });
+                }
+                Shape::Gaussians { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => return None,
             };
             let mirrors = if self.environment.is_some() { surface.reflection } else { 0.0 };
             let model = model.cut(surface.material, |levels| {
@@ -158,7 +166,11 @@ impl View {
 
     /// Pixels of a length of 1 of the model where `node` is nearest.
     fn density(&self, node: &Node, origin: DVec3) -> f64 {
-        let [low, high] = self.corners(node).map(|corner| corner + origin);
+        self.density_in(self.corners(node).map(|corner| corner + origin))
+    }
+
+    /// Pixels of a length of 1 of the model where a box is nearest.
+    fn density_in(&self, [low, high]: [DVec3; 2]) -> f64 {
         let nearest = self.camera_from_model.transform_point3(self.eye.clamp(low, high)).length();
         self.pixels / nearest.max(self.near)
     }

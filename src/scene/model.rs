@@ -9,7 +9,7 @@ use crate::math::Bounds;
 use crate::model::levels::Levels;
 use crate::model::mesh::Mesh;
 use crate::model::paths::{Elapsed, OwnPaths, Paths};
-use crate::model::{Gaussians, Material, Optics, Surfels};
+use crate::model::{Gaussians, Material, Optics, Surfels, VolumeLevels};
 
 /// The surfels of a shape without any.
 pub(super) static NO_SURFELS: LazyLock<Arc<Surfels>> = LazyLock::new(Arc::default);
@@ -223,6 +223,28 @@ impl SurfelModel {
     }
 }
 
+/// The levels of detail of a volume, once they are asked for.
+#[derive(Debug, Default)]
+struct VolumeLevelsOnce {
+    tree: OnceLock<Option<Arc<VolumeLevels>>>,
+    /// The last cut, and the kernels of its nodes: what does not move is uploaded once.
+    last: Mutex<Option<(Vec<u32>, Arc<Gaussians>)>>,
+}
+
+/// The volume that a cut is of.
+#[derive(Clone, Debug)]
+pub(crate) struct WholeVolume {
+    pub(crate) kernels: Arc<Gaussians>,
+    levels: Arc<VolumeLevels>,
+}
+
+impl WholeVolume {
+    /// Memory, bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.kernels.bytes() + self.levels.bytes()
+    }
+}
+
 /// Gaussians of a capture or kernels of a volume, which of them show, and what is derived from them once. Copies share
 /// the Gaussians: a clone costs nothing.
 #[derive(Clone, Debug)]
@@ -236,6 +258,9 @@ pub struct GaussianModel {
     pub(super) median_radius: f32,
     pub(super) bounds: Bounds,
     core: Bounds,
+    levels: Arc<VolumeLevelsOnce>,
+    /// All kernels, where these are a cut through their levels.
+    whole: Option<WholeVolume>,
     /// A fault in the columns that a program made: the model cannot be rendered.
     pub(super) flaw: Option<Arc<Invalid>>,
 }
@@ -243,8 +268,8 @@ pub struct GaussianModel {
 impl GaussianModel {
     /// Gaussians from which nothing is derived.
     fn bare(gaussians: Arc<Gaussians>, flaw: Option<Arc<Invalid>>) -> Self {
-        let (bounds, core) = Default::default();
-        Self { gaussians, crop: None, flat: None, median_radius: 0.0, bounds, core, flaw }
+        let (bounds, core, levels) = Default::default();
+        Self { gaussians, crop: None, flat: None, median_radius: 0.0, bounds, core, levels, whole: None, flaw }
     }
 
     /// A model of Gaussians that are known to be right.
@@ -256,6 +281,38 @@ impl GaussianModel {
             if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
         let core = core(&gaussians, bounds);
         Self { median_radius, bounds, core, ..Self::bare(gaussians, None) }
+    }
+
+    /// The kernels of some nodes of the levels of detail, which `choose` names, in place of all. `None` where there are
+    /// no levels, or the nodes have all kernels. Levels are built when they are first asked for.
+    pub(super) fn cut(&self, choose: impl FnOnce(&VolumeLevels) -> Vec<u32>) -> Option<Self> {
+        // No lock is held while they are built: see `SurfelModel::cut`.
+        if self.levels.tree.get().is_none() {
+            let built = VolumeLevels::of(&self.gaussians).map(Arc::new);
+            // An error says that another thread was first.
+            let _ = self.levels.tree.set(built);
+        }
+        let levels = self.levels.tree.get()?.as_ref()?;
+        let cut = choose(levels);
+        if cut.iter().all(|&node| levels.nodes()[node as usize].is_leaf()) {
+            return None;
+        }
+        let mut last = self.levels.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let gaussians = match &*last {
+            Some((nodes, gaussians)) if *nodes == cut => Arc::clone(gaussians),
+            _ => {
+                let gaussians = Arc::new(levels.gather(&self.gaussians, &cut));
+                *last = Some((cut, Arc::clone(&gaussians)));
+                gaussians
+            }
+        };
+        let whole = Some(WholeVolume { kernels: Arc::clone(&self.gaussians), levels: Arc::clone(levels) });
+        Some(Self { gaussians, whole, levels: Arc::default(), ..self.clone() })
+    }
+
+    /// All kernels, where these are a cut through their levels.
+    pub(crate) fn whole(&self) -> Option<&WholeVolume> {
+        self.whole.as_ref()
     }
 
     /// The shared Gaussians.

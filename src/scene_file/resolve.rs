@@ -391,8 +391,8 @@ impl Files<'_> {
         if (is_capture || is_volume) && spec.two_sided == Some(true) {
             note("`twoSided` is for surfels, and means");
         }
-        if spec.detail != Detail::Auto && !matches!(shape, Shape::Surfels { .. }) {
-            note("`detail` is for models of surfels, and means");
+        if spec.detail != Detail::Auto && !matches!(shape, Shape::Surfels { .. } | Shape::Volume { .. }) {
+            note("`detail` is for models of surfels and volumes, and means");
         }
     }
 

@@ -336,7 +336,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 "detail",
                 ValueKind::Choice(&["draft", "good", "final", "full"]),
                 Auto("as the picture asks"),
-                "how fine its surfels are (detail.md); with `--detail full` all show",
+                "how fine its surfels or kernels are (detail.md); with `--detail full` all show",
             ),
             row(
                 "velocityUnit",

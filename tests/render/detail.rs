@@ -85,13 +85,17 @@ fn a_frame_does_not_depend_on_the_one_before() {
 #[test]
 fn both_backends_show_the_same_cut() {
     let Some(mut gpu) = gpu_or_skip("both_backends_show_the_same_cut") else { return };
-    let scene = scene("bottle.xml", (120, 68));
-    for text in ["supersample:4", "still:1", "volumetric:2"] {
+    let bottle = scene("bottle.xml", (120, 68));
+    // As small as this, the smoke is merged.
+    let smoke = scene("smoke.xml", (60, 34));
+    let pairs =
+        [(&bottle, "supersample:4"), (&bottle, "still:1"), (&bottle, "volumetric:2"), (&smoke, "supersample:4")];
+    for (scene, text) in pairs {
         let quality: Quality = text.parse().unwrap();
         let options = RenderOptions { quality, detail: Detail::Draft, ..RenderOptions::default() };
         for frame in [6, 7] {
             let [a, b] = [&mut gpu as &mut dyn Backend, &mut Cpu::default()]
-                .map(|backend| render_frame(backend, &scene, frame, &options).unwrap().picture);
+                .map(|backend| render_frame(backend, scene, frame, &options).unwrap().picture);
             let error = flip::mean(&a, &b).unwrap();
             assert!(error < 1e-3, "{text} {frame}: {error}");
         }

@@ -6,14 +6,15 @@
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
-use splatblur::Surfels;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::options::{BlurMode, Detail, RenderOptions};
 use splatblur::renderer::render_frame;
-use splatblur::scene::{Motion, Scene};
+use splatblur::scene::{Camera, Motion, Object, Scene};
+use splatblur::{Gaussians, Surfels};
 
 use crate::captures::encoded;
+use crate::support::volumes::cloud;
 use crate::support::{Random, UNLIT, object, round_surfels, scene, sphere};
 
 const DETAILS: [Detail; 4] = [Detail::Full, Detail::Final, Detail::Good, Detail::Draft];
@@ -205,4 +206,73 @@ fn a_moving_wave_is_a_sinc() {
         let x = PI * path / wave;
         keeps(&format!("waves of {wave}, path of {path}"), &scene, waves(0.4 * x.sin() / x));
     }
+}
+
+/// A volume in the cube from -1 to 1, so far away that a length of 2 has `pixels`, before `background`.
+fn volume(model: Gaussians, pixels: f64, background: f64) -> Scene {
+    let mut scene = Scene::new([Object::from_gaussians(model).unwrap()]);
+    (scene.image.width, scene.image.height) = (SIZE, SIZE);
+    scene.image.background = DVec3::splat(background);
+    scene.camera = Camera {
+        fovy: 40_f64.to_radians(),
+        ..Camera::new(DVec3::new(0.3, 0.4, 1.0) * 2.0 * focal() / pixels, DVec3::ZERO)
+    };
+    scene
+}
+
+/// A thin cloud of one colour gives the same light on all levels: the sum over the picture is that of the masses of its
+/// kernels. A thick one keeps its colour.
+#[test]
+fn a_cloud_keeps_its_light_and_its_colour() {
+    let mut model = cloud(&mut Random(5), 48);
+    (model.base, model.normal) = (vec![Gaussians::base_of(GREY); model.len()], Vec::new());
+    let thin = Gaussians { opacity: model.opacity.iter().map(|opacity| opacity * 0.001).collect(), ..model.clone() };
+    for pixels in [12.0, 24.0] {
+        let scene = volume(thin.clone(), pixels, 0.0);
+        let eye = scene.camera.eye;
+        let area = |place: &Vec3| (focal() / (eye - place.as_dvec3()).dot(eye.normalize())).powi(2);
+        let lights = thin.position.iter().zip(&thin.opacity).map(|(place, mass)| f64::from(*mass) * area(place));
+        let light: f64 = lights.sum();
+        let all = made(&scene);
+        for (made, detail) in all.iter().zip(DETAILS) {
+            let sum = made.picture.rgba.iter().map(|pixel| f64::from(pixel[1] / GREY.y)).sum::<f64>();
+            println!("{pixels} {detail}: {} kernels, light {:.5}", made.surfels, sum / light);
+            assert!((sum / light - 1.0).abs() < 0.02, "{pixels} {detail}: {sum} for {light}");
+        }
+        assert!(4 * all[3].surfels < all[0].surfels, "{} of {}", all[3].surfels, all[0].surfels);
+        for made in made(&volume(model.clone(), pixels, 0.0)) {
+            let off =
+                |pixel: &[f32; 4]| (Vec3::from_slice(&pixel[..3]) - GREY * (pixel[1] / GREY.y)).abs().max_element();
+            let worst = made.picture.rgba.iter().map(off).fold(0.0, f32::max);
+            assert!(worst < 1e-5, "{pixels}: {worst}");
+        }
+    }
+}
+
+/// Clouds that were made for this have nearly the picture of all their kernels, and say how nearly.
+#[test]
+fn clouds_are_as_near_as_is_stated() {
+    let (mut stated_well, mut count, mut most_saved) = (0, 0, 0.0_f64);
+    for seed in 0..12 {
+        let mut random = Random(900 + seed);
+        let (model, pixels) = (cloud(&mut random, 40), random.within(6.0, 18.0));
+        let all = made(&volume(model, pixels, random.next()));
+        for (made, detail) in all.iter().zip(DETAILS).skip(1).filter(|(made, _)| made.surfels < all[0].surfels) {
+            let pairs = made.picture.rgba.iter().zip(&all[0].picture.rgba);
+            let square = |(a, b): (&[f32; 4], &[f32; 4])| {
+                let off = |i: usize| encoded(a[i].into()) - encoded(b[i].into());
+                (0..3).map(|i| off(i) * off(i)).sum::<f64>() / 3.0
+            };
+            let rms = (pairs.map(square).sum::<f64>() / f64::from(SIZE * SIZE)).sqrt();
+            println!(
+                "{seed} {pixels:.0} {detail}: {} of {}, {rms:.5}, {:.5}",
+                made.surfels, all[0].surfels, made.stated
+            );
+            assert!(rms < 3.0 * made.stated, "{seed} {detail}: {rms} for {}", made.stated);
+            (count, stated_well) = (count + 1, stated_well + u32::from(rms < 1.25 * made.stated));
+            most_saved = most_saved.max(all[0].surfels as f64 / made.surfels as f64);
+        }
+    }
+    assert!(4 * stated_well >= 3 * count && count >= 8, "{stated_well} of {count}");
+    assert!(most_saved > 8.0, "{most_saved}");
 }

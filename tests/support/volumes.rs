@@ -1,8 +1,10 @@
 //! Pictures of volumes by the definition, in f64: each ray is marched through the sum of all kernels (Zwicker et al.
 //! 2002, eq. 9). Shares no mathematics with the renderer, and of the library only what a model holds.
 
-use glam::{DMat3, DVec3};
-use splatblur::model::Gaussians;
+use glam::{DMat3, DVec3, Quat, Vec3};
+use splatblur::model::{Gaussians, Optics};
+
+use super::Random;
 
 /// A pinhole camera; y is up.
 pub struct VolumeCamera {
@@ -103,4 +105,54 @@ fn on_ray(gaussians: &Gaussians, index: usize, eye: DVec3, direction: DVec3) -> 
         sigma: on_ray,
         colour: gaussians.colour(index).as_dvec3(),
     })
+}
+
+/// A wave: direction times frequency, and phase.
+fn waves(random: &mut Random, count: usize, most: f64) -> Vec<(DVec3, f64)> {
+    let mut wave = || (random.direction() * random.within(1.0, most), random.within(0.0, std::f64::consts::TAU));
+    (0..count).map(|_| wave()).collect()
+}
+
+/// A cloud in the cube from -1 to 1 with `cells` cells a side: soft, ragged or like chequers, of two colours, thin or
+/// nearly opaque, with light of its own or with normals.
+pub fn cloud(random: &mut Random, cells: u32) -> Gaussians {
+    let spacing = 2.0 / f64::from(cells);
+    let shape = waves(random, 3, 8.0);
+    let paint = waves(random, 2, 0.4 * f64::from(cells));
+    let (ragged, hard) = (random.within(0.0, 0.4), random.next() < 0.3);
+    let grain = if random.next() < 0.3 { random.within(0.0, 1.0) } else { 0.0 };
+    let colours = [0, 1].map(|_| Vec3::new(random.next() as f32, random.next() as f32, random.next() as f32));
+    let (depth, kernel) = (random.within(1.0, 30.0), random.within(0.5, 0.8));
+    let lit = random.next() < 0.4;
+    let value = |p: DVec3| {
+        let waves: f64 = shape.iter().map(|(wave, phase)| (wave.dot(p) + phase).sin()).sum();
+        let inside = 0.8 - p.length() + ragged * waves;
+        if hard { f64::from(inside > 0.0) } else { (inside / 0.3).clamp(0.0, 1.0) }
+    };
+    let mut made = Gaussians {
+        optics: Optics::Extinction { layer: (1.25 * spacing) as f32 },
+        linear: true,
+        ..Gaussians::default()
+    };
+    for i in 0..cells.pow(3) {
+        let cell = [i % cells, i / cells % cells, i / cells.pow(2)];
+        let p = DVec3::from_array(cell.map(|x| (f64::from(x) + 0.5) * spacing - 1.0));
+        let extinction = depth * 0.5 * value(p) * (1.0 - grain * random.next());
+        if extinction <= 0.0 {
+            continue;
+        }
+        let share: f64 = paint.iter().map(|(wave, phase)| (wave.dot(p) + phase).sin()).sum();
+        made.position.push(p.as_vec3());
+        made.sigma.push(Vec3::splat((kernel * spacing) as f32));
+        made.rotation.push(Quat::IDENTITY);
+        made.opacity.push((extinction * spacing.powi(3)) as f32);
+        let colour = colours[0].lerp(colours[1], (0.5 + 0.5 * share).clamp(0.0, 1.0) as f32);
+        made.base.push(Gaussians::base_of(colour));
+        if lit {
+            let step = |axis: DVec3| value(p - axis * spacing) - value(p + axis * spacing);
+            let normal = DVec3::new(step(DVec3::X), step(DVec3::Y), step(DVec3::Z));
+            made.normal.push(normal.normalize_or_zero().as_vec3());
+        }
+    }
+    made
 }

@@ -7,27 +7,14 @@ use rayon::prelude::*;
 
 use super::grid::Grid;
 use super::merge::{AGREE, Disc, Merger};
+use super::octree::{Draft, FEW, drafts, shift};
 use super::rims::Occupied;
-use super::{CELLS, FEW, Levels, Node, Rates};
+use super::{Levels, Node, Rates};
 use crate::model::order::{BITS, morton_codes};
 use crate::model::surfels::Surfels;
 
 /// Discs of a cell, in the mean, from which on a cell within a surface is hardly ever empty.
 const SEVERAL: usize = 2;
-
-/// A node before it has surfels.
-struct Draft {
-    /// Its surfels of the model.
-    leaves: Range<usize>,
-    children: Range<u32>,
-    /// Its edge is 2 to this, in cells of the codes.
-    bits: u32,
-}
-
-/// The edge of a cell of a node whose edge is 2 to `bits` is 2 to this.
-fn shift(bits: u32) -> u32 {
-    bits.saturating_sub(CELLS.trailing_zeros())
-}
 
 impl Levels {
     /// The tree of surfels along their Morton curve ([`Surfels::spatially_ordered`]). `None` where they do not lie so,
@@ -150,41 +137,6 @@ impl Merged {
         self.share.shrink_to_fit();
         self.alike.shrink_to_fit();
     }
-}
-
-/// All nodes with what is below them, and the range of nodes of each depth.
-fn drafts(codes: &[u64]) -> (Vec<Draft>, Vec<Range<usize>>) {
-    let mut drafts = vec![Draft { leaves: 0..codes.len(), children: 0..0, bits: BITS }];
-    let mut depth = 0..1;
-    let mut depths = Vec::new();
-    while !depth.is_empty() {
-        depths.push(depth.clone());
-        for i in depth.clone() {
-            let (leaves, mut bits) = (drafts[i].leaves.clone(), drafts[i].bits);
-            if leaves.len() <= FEW {
-                continue;
-            }
-            // Cubes with all surfels in one eighth are no nodes.
-            let differ = codes[leaves.start] ^ codes[leaves.end - 1];
-            bits = bits.min((u64::BITS - differ.leading_zeros()).div_ceil(3));
-            drafts[i].bits = bits;
-            if bits == 0 {
-                continue;
-            }
-            let first = drafts.len() as u32;
-            let mut start = leaves.start;
-            while start < leaves.end {
-                let eighth = |code: u64| code >> (3 * (bits - 1));
-                let own = eighth(codes[start]);
-                let end = start + codes[start..leaves.end].partition_point(|&code| eighth(code) == own);
-                drafts.push(Draft { leaves: start..end, children: 0..0, bits: bits - 1 });
-                start = end;
-            }
-            drafts[i].children = first..drafts.len() as u32;
-        }
-        depth = depth.end..drafts.len();
-    }
-    (drafts, depths)
 }
 
 /// The cells that hold discs, of rising sizes: those of all nodes, but where cells are so small that many are empty

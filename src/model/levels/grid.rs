@@ -3,7 +3,7 @@
 use glam::{IVec3, Vec3};
 
 /// The cells of the codes of a model in space.
-pub(super) struct Grid {
+pub(in crate::model) struct Grid {
     corner: Vec3,
     /// Edge of a cell.
     edge: f32,
@@ -13,18 +13,18 @@ pub(super) struct Grid {
 
 impl Grid {
     /// Cells with this edge from a corner on.
-    pub(super) fn new(corner: Vec3, edge: f32) -> Self {
+    pub(in crate::model) fn new(corner: Vec3, edge: f32) -> Self {
         Self { corner, edge, cells: edge.max(f32::MIN_POSITIVE).recip() }
     }
 
     /// The place of a point among cells that are 2 to `shift` times as large.
-    pub(super) fn place(&self, point: Vec3, shift: u32) -> IVec3 {
+    pub(in crate::model) fn place(&self, point: Vec3, shift: u32) -> IVec3 {
         // Without `floor`, which is a call: a point less than a cell of the codes outside counts as inside.
         ((point - self.corner) * self.cells).as_ivec3() >> shift
     }
 
     /// Edge of a cell that is 2 to `shift` times as large.
-    pub(super) fn edge(&self, shift: u32) -> f32 {
+    pub(in crate::model) fn edge(&self, shift: u32) -> f32 {
         self.edge * (1_u32 << shift) as f32
     }
 }

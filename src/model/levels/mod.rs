@@ -6,9 +6,10 @@
 
 mod build;
 mod columns;
-mod grid;
+pub(super) mod grid;
 mod kept;
 mod merge;
+pub(super) mod octree;
 mod rims;
 #[cfg(test)]
 mod tests;
@@ -23,11 +24,6 @@ use super::surfels::{Material, Normalisation, Surfels};
 
 pub(super) use columns::TreeColumns;
 pub(super) use kept::{VERSION, fingerprint, keep};
-
-/// Cells of a node along each axis. The surfels of a cell with like fronts are merged into one.
-const CELLS: u32 = 8;
-/// Most surfels of a node that is not divided: on a surface, two for each cell.
-const FEW: usize = 2 * (CELLS * CELLS) as usize;
 
 /// Least change of the peaks of highlights, the mean of a cut as a share of white in linear light, for which surfels
 /// have materials of their own where the model has none: these cost time.

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use super::octree::FEW;
 use super::*;
 
 /// Discs on a unit ball, each 1.2 times as large as the distance to the next.

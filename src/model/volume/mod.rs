@@ -7,6 +7,7 @@
 mod gradient;
 mod grid;
 mod kernels;
+mod levels;
 mod nrrd;
 mod nrrd_fields;
 mod nrrd_header;
@@ -18,6 +19,7 @@ use std::sync::Arc;
 pub use grid::Grid;
 pub use kernels::KERNEL;
 pub(super) use kernels::{Made, of_grid, of_samples};
+pub(crate) use levels::{VolumeLevels, VolumeNode};
 pub(super) use nrrd::parse as parse_nrrd;
 pub use samples::Samples;
 pub use transfer::{TransferFunction, TransferFunctionError, TransferStop};
