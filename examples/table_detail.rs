@@ -127,7 +127,7 @@ const CLOUDS: u64 = 40;
 
 fn volumes(seed: u64) {
     let details = [Detail::Draft, Detail::Good, Detail::Final];
-    println!("| cells, pixels | kernels | {} |", details.map(|detail| detail.word()).join(" | "));
+    println!("| cells, pixels | kernels | {} |", details.map(Detail::word).join(" | "));
     println!("|---|---:|{}", "---|".repeat(details.len()));
     let mut ratios = Vec::new();
     for i in 0..CLOUDS {
