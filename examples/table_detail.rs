@@ -139,7 +139,10 @@ fn volumes(seed: u64) {
         (scene.image.width, scene.image.height) = (128, 128);
         scene.image.background = DVec3::splat(random.next());
         let focal = 64.0 / (0.5 * scene.camera.fovy).tan();
-        scene.camera = Camera::new(random.direction() * (2.0 * focal / pixels + 1.0), DVec3::ZERO);
+        // The larger it is, the less light gets through.
+        let scale = 3_f64.powf(random.within(-1.0, 1.0));
+        scene.objects[0].transform.scale = DVec3::splat(scale);
+        scene.camera = Camera::new(random.direction() * (scale * (2.0 * focal / pixels + 1.0)), DVec3::ZERO);
         let (full, all, _) = render(&scene, Detail::Full);
         let cells_of = details.map(|detail| {
             let (made, some, stated) = render(&scene, detail);

@@ -321,15 +321,15 @@ fn model_bytes(scene: &Scene) -> u64 {
     models.sort_by_key(|model| Arc::as_ptr(model));
     models.dedup_by_key(|model| Arc::as_ptr(model));
     let gaussians = || scene.objects.iter().filter_map(|object| object.shape.gaussians());
-    let mut captures: Vec<_> = gaussians().map(GaussianModel::gaussians).collect();
-    captures.sort_by_key(|capture| Arc::as_ptr(capture));
-    captures.dedup_by_key(|capture| Arc::as_ptr(capture));
+    let mut captures: Vec<_> = gaussians().collect();
+    captures.sort_by_key(|capture| Arc::as_ptr(capture.gaussians()));
+    captures.dedup_by_key(|capture| Arc::as_ptr(capture.gaussians()));
     let surroundings = scene.environment.as_ref().map_or(0, Environment::bytes);
     // The picture of what is behind; where the camera moves, mode auto has two more.
     let pixels = u64::from(scene.image.width) * u64::from(scene.image.height);
     let pictures = if scene.camera.rests() { 1 } else { 3 };
     let behind = scene.panorama().map_or(0, |_| pictures * pixels * size_of::<[f32; 3]>() as u64);
-    let captures = captures.iter().map(|capture| capture.bytes()).sum::<u64>();
+    let captures = captures.iter().map(|capture| capture.gaussians().bytes() + capture.levels_bytes()).sum::<u64>();
     let paths: u64 = surfels().filter_map(SurfelModel::own_paths).map(|own| own.bytes()).sum();
     // Objects share them, too.
     let mut wholes: Vec<_> = surfels().filter_map(SurfelModel::whole).collect();

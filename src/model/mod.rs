@@ -68,5 +68,5 @@ pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, TransferFunction, TransferFunctionError, TransferStop, VolumeFacts,
     VolumeOptions,
 };
-pub(crate) use volume::{VolumeLevels, VolumeNode};
+pub(crate) use volume::{NodeError, VolumeLevels, VolumeNode};
 pub use write_ply::write_ply;

@@ -93,7 +93,14 @@ impl Scene {
             let (model, surface, points) = match &object.shape {
                 Shape::Surfels { model, surface, points } => (model, surface, points),
                 Shape::Volume { model, material } => {
-                    let model = volumes::cut(model, &views(self, object, number), tolerance, image, &mut errors)?;
+                    let model = volumes::cut(
+                        model,
+                        object.opacity,
+                        &views(self, object, number),
+                        tolerance,
+                        image,
+                        &mut errors,
+                    )?;
                     return Some(Shape::Volume { model, material: *material });
                 }
                 Shape::Gaussians { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => return None,

@@ -231,6 +231,13 @@ struct VolumeLevelsOnce {
     last: Mutex<Option<(Vec<u32>, Arc<Gaussians>)>>,
 }
 
+impl VolumeLevelsOnce {
+    /// For a model that has none.
+    fn none() -> Self {
+        Self { tree: OnceLock::from(None), last: Mutex::default() }
+    }
+}
+
 /// The volume that a cut is of.
 #[derive(Clone, Debug)]
 pub(crate) struct WholeVolume {
@@ -307,7 +314,12 @@ impl GaussianModel {
             }
         };
         let whole = Some(WholeVolume { kernels: Arc::clone(&self.gaussians), levels: Arc::clone(levels) });
-        Some(Self { gaussians, whole, levels: Arc::default(), ..self.clone() })
+        Some(Self { gaussians, whole, levels: Arc::new(VolumeLevelsOnce::none()), ..self.clone() })
+    }
+
+    /// Memory of the levels that were built, bytes. Those of a cut are counted with the whole.
+    pub(crate) fn levels_bytes(&self) -> u64 {
+        self.levels.tree.get().and_then(Option::as_ref).map_or(0, |levels| levels.bytes())
     }
 
     /// All kernels, where these are a cut through their levels.

@@ -32,7 +32,7 @@ impl Levels {
             .iter()
             .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], &place| [low.min(place), high.max(place)]);
         let grid = Grid::new(low, (high - low).max_element() / ((1_u32 << BITS) - 1) as f32);
-        let (drafts, depths) = drafts(&codes);
+        let (drafts, depths) = drafts(&codes, FEW);
         let occupied = occupied(surfels, &codes, &drafts, &grid);
         let mut nodes: Vec<Node> = Vec::new();
         nodes.resize(drafts.len(), Node::default());

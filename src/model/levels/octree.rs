@@ -6,8 +6,10 @@ use crate::model::order::BITS;
 
 /// Cells of a node along each axis. What a cell holds is merged.
 const CELLS: u32 = 8;
-/// Most points of a node that is not divided: on a surface, two for each cell.
+/// Most points of a node on a surface that is not divided: two for each cell.
 pub(in crate::model) const FEW: usize = 2 * (CELLS * CELLS) as usize;
+/// The same in a volume, where cells beside each other hold points: two for each.
+pub(in crate::model) const FEW_OF_VOLUME: usize = 2 * CELLS.pow(3) as usize;
 
 /// A node before it has points of its own.
 pub(in crate::model) struct Draft {
@@ -24,9 +26,9 @@ pub(in crate::model) fn shift(bits: u32) -> u32 {
     bits.saturating_sub(CELLS.trailing_zeros())
 }
 
-/// All nodes over points by their codes, which rise: the root first, and children behind their parent. Beside them the
-/// range of nodes of each depth.
-pub(in crate::model) fn drafts(codes: &[u64]) -> (Vec<Draft>, Vec<Range<usize>>) {
+/// All nodes over points by their codes, which rise: the root first, and children behind their parent. Nodes of up to
+/// `few` points are not divided. Beside them the range of nodes of each depth.
+pub(in crate::model) fn drafts(codes: &[u64], few: usize) -> (Vec<Draft>, Vec<Range<usize>>) {
     let mut drafts = vec![Draft { leaves: 0..codes.len(), children: 0..0, bits: BITS }];
     let mut depth = 0..1;
     let mut depths = Vec::new();
@@ -34,7 +36,7 @@ pub(in crate::model) fn drafts(codes: &[u64]) -> (Vec<Draft>, Vec<Range<usize>>)
         depths.push(depth.clone());
         for i in depth.clone() {
             let (leaves, mut bits) = (drafts[i].leaves.clone(), drafts[i].bits);
-            if leaves.len() <= FEW {
+            if leaves.len() <= few {
                 continue;
             }
             // Cubes with all points in one eighth are no nodes.

@@ -19,7 +19,7 @@ use std::sync::Arc;
 pub use grid::Grid;
 pub use kernels::KERNEL;
 pub(super) use kernels::{Made, of_grid, of_samples};
-pub(crate) use levels::{VolumeLevels, VolumeNode};
+pub(crate) use levels::{NodeError, VolumeLevels, VolumeNode};
 pub(super) use nrrd::parse as parse_nrrd;
 pub use samples::Samples;
 pub use transfer::{TransferFunction, TransferFunctionError, TransferStop};

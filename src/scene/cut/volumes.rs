@@ -3,17 +3,17 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::{BlockErrors, CutTolerance, ImagePlane, View};
-use crate::model::{Optics, VolumeLevels, VolumeNode};
+use crate::model::{NodeError, Optics, VolumeLevels, VolumeNode};
 use crate::scene::model::GaussianModel;
 
-/// Depth of a layer of kernels, pixels, from which on none are merged: the kernels of a grid then lie .8 pixels apart,
-/// and cells hold eight of them or more.
+/// Depth of a layer of kernels, pixels, from which on none are merged: the kernels of a grid then lie .8 pixels apart.
 const COARSE: f64 = 1.0;
 
 /// The model with the kernels that its pictures need; `None` where these are all. What it leaves out is added to
-/// `errors`. No tree is built for a volume whose cells are all larger than a pixel.
+/// `errors`. No tree is built for a volume whose kernels all lie wider apart than that. `opacity` is the object's.
 pub(super) fn cut(
     model: &GaussianModel,
+    opacity: f64,
     views: &[View],
     tolerance: CutTolerance,
     image: ImagePlane,
@@ -30,15 +30,21 @@ pub(super) fn cut(
         return None;
     }
     let crop = model.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));
+    let middle = &views[views.len() / 2];
+    // A ray through an object of twice the size is twice as long.
+    let factor = opacity * middle.pixels / middle.focal;
     model.cut(|levels| {
+        let of_nodes = &*levels.errors(model.gaussians(), factor);
         let mut nodes = Vec::new();
-        Chooser { levels, views, tolerance, image, crop, errors }.choose(0, &mut nodes);
+        Chooser { levels, of_nodes, views, tolerance, image, crop, errors }.choose(0, &mut nodes);
         nodes
     })
 }
 
 struct Chooser<'a> {
     levels: &'a VolumeLevels,
+    /// What pictures miss by each node.
+    of_nodes: &'a [NodeError],
     views: &'a [View],
     tolerance: CutTolerance,
     image: ImagePlane,
@@ -53,14 +59,18 @@ impl Chooser<'_> {
     fn choose(&mut self, node: u32, cut: &mut Vec<u32>) {
         let levels = self.levels;
         let of = &levels.nodes()[node as usize];
+        let ([low, high], [least, most]) = (of.corners, self.crop);
+        if low.cmpgt(most).any() || high.cmplt(least).any() {
+            return;
+        }
         if of.is_leaf() {
             return cut.push(node);
         }
-        let ([low, high], [least, most]) = (of.corners, self.crop);
         let shows_whole = low.cmpge(least).all() && high.cmple(most).all();
-        let error = of.error_at(f64::from(of.spacing) * self.density(of));
+        let measured = self.of_nodes[node as usize];
+        let error = measured.at(f64::from(of.spacing) * self.density(of));
         if shows_whole && error <= self.tolerance.rest {
-            self.add_error(of, error);
+            self.add_error(of, error, f64::from(measured.area));
             return cut.push(node);
         }
         of.children.clone().for_each(|child| self.choose(child, cut));
@@ -72,8 +82,8 @@ impl Chooser<'_> {
         self.views.iter().map(|view| view.density_in(corners)).fold(0.0, f64::max)
     }
 
-    /// Adds what the picture misses by a node at mid-exposure.
-    fn add_error(&mut self, node: &VolumeNode, error: f64) {
+    /// Adds what the picture misses at mid-exposure by a node that covers `area`, model units^2.
+    fn add_error(&mut self, node: &VolumeNode, error: f64, area: f64) {
         let view = &self.views[self.views.len() / 2];
         let [low, high] = node.corners.map(Vec3::as_dvec3);
         let place = view.camera_from_model.transform_point3(0.5 * (low + high));
@@ -83,6 +93,6 @@ impl Chooser<'_> {
         let density = view.pixels / place.length();
         let on_image = self.image.axis + place.truncate() * DVec2::new(1.0, -1.0) * (view.focal / -place.z);
         let radius = 0.5 * (high - low).length() * density;
-        self.errors.add(on_image, radius, error * error * f64::from(node.area) * density * density);
+        self.errors.add(on_image, radius, error * error * area * density * density);
     }
 }

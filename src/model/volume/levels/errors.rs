@@ -8,15 +8,14 @@ use rayon::prelude::*;
 
 use super::merge::covariance;
 use super::side::{Mark, Side};
-use super::{Draft, Gaussians, VolumeLevels};
+use super::{Gaussians, VolumeLevels};
 use crate::math::srgb::{from_linear, to_linear};
 
 /// Width of a cell in the pictures, pixels. Each level is drawn beside the one whose cells are half as wide. Pixels see
 /// different parts of cells, as in a renderer's pictures.
 const SCALE: f32 = 0.9;
-/// Least optical depth of the box around the volume in the pictures, in the mean: what hardly shows in its own units
-/// may be larger in a scene.
-const DEPTH: f64 = 1.0;
+/// Errors grow with this power of the width of cells that are wider than a pixel (docs/measurements/levels.md).
+const GROWTH: f64 = 2.5;
 /// Levels that have more than one kernel for this many of the finer level are not used.
 const SAVED: usize = 2;
 /// Kernels from which on a level is drawn from one side, not from three: each node has many pixels there.
@@ -26,8 +25,7 @@ const MOST_PIXELS: f32 = 1024.0;
 /// The square of what the finer level misses itself, and all finer ones, beside that of what is seen: errors are halved
 /// from one level to the next, or more.
 const FINER: f64 = 4.0 / 3.0;
-/// Factor on squares for views that are not along the axes of the grid: pictures missed 1.4 times as much in the worst
-/// sixth of the clouds that it was chosen with (docs/measurements/levels.md).
+/// Factor on squares for what views along axes do not show (docs/measurements/levels.md).
 const ASLANT: f64 = 2.0;
 /// Pixels of the level's mean that count with those of a node.
 const SHARED: f64 = 4.0;
@@ -47,60 +45,87 @@ impl Sum {
     }
 }
 
-/// Measures the nodes of a tree: their errors and areas.
-pub(super) fn measure(levels: &mut VolumeLevels, volume: &Gaussians, drafts: &[Draft]) {
+/// What a picture misses by a node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NodeError {
+    /// Error of a picture whose cells are a pixel wide, as a share of white as it is displayed (root mean square over
+    /// what the node covers). Infinite for a node that is not used; 0 without children.
+    error: f32,
+    /// What it covers of a picture, model units^2. 0 without children.
+    pub(crate) area: f32,
+}
+
+impl NodeError {
+    const UNUSED: Self = Self { error: f32::INFINITY, area: 0.0 };
+
+    /// The error of a picture whose cells are this many pixels wide.
+    pub(crate) fn at(self, pixels: f64) -> f64 {
+        f64::from(self.error) * if pixels < 1.0 { pixels } else { libm::pow(pixels, GROWTH) }
+    }
+}
+
+/// Measures the nodes of a tree. Extinctions count times `density`.
+pub(super) fn measure(levels: &VolumeLevels, volume: &Gaussians, density: f32) -> Vec<NodeError> {
+    let mut errors = vec![NodeError { error: 0.0, area: 0.0 }; levels.nodes.len()];
     let [low, high] = levels.nodes[0].corners;
     let size = high - low;
-    let face = (size.x * size.y + size.y * size.z + size.z * size.x) / 3.0;
-    let extinction: f64 = volume.opacity.iter().map(|&opacity| f64::from(opacity)).sum();
-    let density = (DEPTH * f64::from(face) / extinction).max(1.0) as f32;
-    let mut all_bits: Vec<u32> =
-        drafts.iter().filter(|draft| !draft.children.is_empty()).map(|draft| draft.bits).collect();
+    let inner = levels.nodes.iter().filter(|node| !node.is_leaf());
+    let mut all_bits: Vec<u32> = inner.map(|node| node.bits).collect();
     all_bits.sort_unstable();
     all_bits.dedup();
     for bits in all_bits {
-        let is_of_level = |i: &usize| drafts[*i].bits == bits && !drafts[*i].children.is_empty();
-        let nodes: Vec<usize> = (0..drafts.len()).filter(is_of_level).collect();
+        let is_of_level = |i: &usize| levels.nodes[*i].bits == bits && !levels.nodes[*i].is_leaf();
+        let nodes: Vec<usize> = (0..levels.nodes.len()).filter(is_of_level).collect();
+        for &i in &nodes {
+            errors[i] = NodeError::UNUSED;
+        }
         let pixels = SCALE / levels.nodes[nodes[0]].spacing;
         let along = (size * pixels).to_array();
-        let cuts = [bits, bits.saturating_sub(1)].map(|bits| levels.at(drafts, bits));
-        let [few, many] =
-            cuts.each_ref().map(|cut| cut.iter().map(|&i| levels.nodes[i as usize].own.len()).sum::<usize>());
-        if SAVED * few > many || along.iter().any(|&along| along > MOST_PIXELS) {
-            for i in nodes {
-                levels.nodes[i].error = f32::INFINITY;
-            }
+        let cuts = [bits, bits.saturating_sub(1)].map(|bits| levels.at(bits));
+        let count = |cut: &Vec<u32>| cut.iter().map(|&i| levels.nodes[i as usize].own.len()).sum::<usize>();
+        let [coarse, fine] = cuts.each_ref().map(count);
+        let own: usize = nodes.iter().map(|&i| levels.nodes[i].own.len()).sum();
+        // What else is in both cuts.
+        let both = coarse - own;
+        if SAVED * own > fine - both || along.iter().any(|&along| along > MOST_PIXELS) {
             continue;
         }
         let along = along.map(|along| (along.ceil() as usize).max(1));
+        // The side that shows most is the first.
+        let (first, sides) = (size.min_position(), if fine > MANY { 1 } else { 3 });
+        let side = |i: usize| Side { axis: (first + i) % 3, low, pixels, size: along, density };
         let [coarse, fine] = cuts.map(|cut| levels.marks(volume, &cut));
-        let axes = if many > MANY { 1 } else { 3 };
-        let side = |axis: usize| Side { axis, low, pixels, size: along, density };
-        let sums = sums((0..axes).map(side).collect(), &fine, &coarse, levels.nodes.len());
+        let sums = sums((0..sides).map(side).collect(), &fine, &coarse, levels.nodes.len());
         let mut whole = Sum::default();
         for &i in &nodes {
             whole.add(sums[i]);
         }
-        let mean = if whole.pixels > 0.0 { whole.squares / whole.pixels } else { 0.0 };
-        let mean_pixels = whole.pixels / nodes.len() as f64;
+        // What is not seen is not known.
+        if whole.pixels.is_nan() || whole.pixels <= 0.0 {
+            continue;
+        }
+        let (mean, mean_pixels) = (whole.squares / whole.pixels, whole.pixels / nodes.len() as f64);
         for i in nodes {
             let Sum { squares, pixels: covered } = sums[i];
             let square = (squares + SHARED * mean) / (covered + SHARED);
-            levels.nodes[i].error = (FINER * ASLANT * square).sqrt() as f32 / SCALE;
             // What is hidden from here may show from elsewhere.
             let shown = if covered < SHARED { mean_pixels } else { covered };
-            levels.nodes[i].area = (shown / axes as f64) as f32 / (pixels * pixels);
+            errors[i] = NodeError {
+                error: (FINER * ASLANT * square).sqrt() as f32 / SCALE,
+                area: (shown / sides as f64) as f32 / (pixels * pixels),
+            };
         }
     }
+    errors
 }
 
 impl VolumeLevels {
     /// The coarsest nodes with edges of at most 2 to `bits`, or without children.
-    fn at(&self, drafts: &[Draft], bits: u32) -> Vec<u32> {
+    fn at(&self, bits: u32) -> Vec<u32> {
         let (mut cut, mut open) = (Vec::new(), vec![0]);
         while let Some(node) = open.pop() {
             let of = &self.nodes[node as usize];
-            if of.is_leaf() || drafts[node as usize].bits <= bits {
+            if of.is_leaf() || of.bits <= bits {
                 cut.push(node);
             } else {
                 open.extend(of.children.clone().rev());

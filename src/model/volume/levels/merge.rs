@@ -43,7 +43,12 @@ impl Kernel {
         let equal = (kernels.clone().count() as f32).recip();
         let share = |kernel: &Self| if extinction > 0.0 { kernel.extinction / extinction } else { equal };
         let mean = |of: fn(&Self) -> Vec3| kernels.clone().map(|kernel| of(kernel) * share(kernel)).sum();
-        let position: Vec3 = mean(|kernel| kernel.position);
+        // Relative to one of them, and within their box: rounding does not move what lies in a plane.
+        let places = || kernels.clone().map(|kernel| kernel.position);
+        let (low, high) = (places().reduce(Vec3::min), places().reduce(Vec3::max));
+        let (low, high) = (low.unwrap_or_default(), high.unwrap_or_default());
+        let away: Vec3 = kernels.clone().map(|kernel| (kernel.position - low) * share(kernel)).sum();
+        let position = (low + away).clamp(low, high);
         let spread = |kernel: &Self| {
             let away = kernel.position - position;
             (kernel.covariance + Mat3::from_cols(away * away.x, away * away.y, away * away.z)) * share(kernel)

@@ -14,21 +14,23 @@ mod side;
 mod tests;
 
 use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::model::capture::{Gaussians, Optics};
 use crate::model::levels::grid::Grid;
-use crate::model::levels::octree::{Draft, FEW, drafts, shift};
+use crate::model::levels::octree::{Draft, FEW_OF_VOLUME, drafts, shift};
 use crate::model::order::{BITS, morton_codes};
+pub(crate) use errors::NodeError;
 use merge::Kernel;
 
-/// Errors grow with this power of the width of cells that are wider than a pixel (docs/measurements/levels.md).
-const GROWTH: f64 = 2.5;
+/// Measures of most factors that are kept: a scene has few, but where scales are animated.
+const KEPT: usize = 8;
 
 /// The tree of a volume.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct VolumeLevels {
     /// The root first, and children behind their parent.
     nodes: Vec<VolumeNode>,
@@ -36,6 +38,8 @@ pub(crate) struct VolumeLevels {
     order: Vec<u32>,
     /// The kernels of all nodes that have children: those of a node one after the other.
     merged: Gaussians,
+    /// What pictures miss by each node, by the power of 2 that multiplies extinctions.
+    measured: Mutex<Vec<(i32, Arc<[NodeError]>)>>,
 }
 
 /// A node of the tree.
@@ -45,11 +49,8 @@ pub(crate) struct VolumeNode {
     pub(crate) corners: [Vec3; 2],
     /// Edge of its cells, which is the distance of its kernels, model units. 0 without children.
     pub(crate) spacing: f32,
-    /// What it covers of a picture, in the mean of all axes, model units^2. 0 without children.
-    pub(crate) area: f32,
-    /// Error of a picture whose cells are a pixel wide, as a share of white as it is displayed (root mean square over
-    /// what it covers). 0 without children.
-    error: f32,
+    /// Its edge is 2 to this, in cells of the codes.
+    bits: u32,
     /// Its kernels: places in the curve where it has no children, else merged ones.
     own: Range<u32>,
     /// Its children, by number; empty where it has none.
@@ -61,12 +62,6 @@ impl VolumeNode {
     pub(crate) fn is_leaf(&self) -> bool {
         self.children.is_empty()
     }
-
-    /// Its error in a picture whose cells are this many pixels wide, as a share of white as it is displayed (root mean
-    /// square over what it covers).
-    pub(crate) fn error_at(&self, pixels: f64) -> f64 {
-        f64::from(self.error) * if pixels < 1.0 { pixels } else { libm::pow(pixels, GROWTH) }
-    }
 }
 
 impl VolumeLevels {
@@ -74,7 +69,7 @@ impl VolumeLevels {
     /// merged.
     pub(crate) fn of(volume: &Gaussians) -> Option<Self> {
         let is_volume = volume.optics != Optics::Alpha && volume.degree == 0;
-        if !is_volume || volume.len() <= FEW || u32::try_from(volume.len()).is_err() {
+        if !is_volume || volume.len() <= FEW_OF_VOLUME || u32::try_from(volume.len()).is_err() {
             return None;
         }
         let mut curve: Vec<(u64, u32)> = morton_codes(&volume.position);
@@ -82,12 +77,31 @@ impl VolumeLevels {
         let (codes, order): (Vec<u64>, Vec<u32>) = curve.into_iter().unzip();
         let [low, high] = around(volume.position.iter().map(|&place| [place, place]));
         let grid = Grid::new(low, (high - low).max_element() / ((1_u32 << BITS) - 1) as f32);
-        let (drafts, depths) = drafts(&codes);
-        let mut levels = Self { nodes: vec![VolumeNode::default(); drafts.len()], order, merged: columns_of(volume) };
+        let (drafts, depths) = drafts(&codes, FEW_OF_VOLUME);
+        let nodes = vec![VolumeNode::default(); drafts.len()];
+        let mut levels = Self { nodes, order, merged: columns_of(volume), measured: Mutex::default() };
         levels.merge(volume, &drafts, depths, &grid);
         levels.merged.check().ok()?;
-        errors::measure(&mut levels, volume, &drafts);
+        shrink(&mut levels.merged);
         Some(levels)
+    }
+
+    /// What pictures miss by each node where extinctions are multiplied by `factor`: the scale of an object, times its
+    /// opacity. Measured for the next power of 2 when it is first asked for.
+    pub(crate) fn errors(&self, volume: &Gaussians, factor: f64) -> Arc<[NodeError]> {
+        let power = libm::log2(factor).ceil().clamp(-100.0, 100.0) as i32;
+        let kept = || self.measured.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = kept().iter().find(|(own, _)| *own == power).map(|(_, errors)| Arc::clone(errors));
+        // No lock is held while they are measured, which takes all threads.
+        found.unwrap_or_else(|| {
+            let errors: Arc<[NodeError]> = errors::measure(self, volume, libm::exp2(power.into()) as f32).into();
+            let mut kept = kept();
+            if kept.len() == KEPT {
+                kept.remove(0);
+            }
+            kept.push((power, Arc::clone(&errors)));
+            errors
+        })
     }
 
     /// Makes the nodes of drafts, and their kernels, from the bottom up.
@@ -115,7 +129,7 @@ impl VolumeLevels {
                     let leaves = &self.order[draft.leaves.clone()];
                     let corners = around(leaves.iter().map(|&i| [volume.position[i as usize]; 2]));
                     let own = draft.leaves.start as u32..draft.leaves.end as u32;
-                    VolumeNode { corners, own, ..VolumeNode::default() }
+                    VolumeNode { corners, bits: draft.bits, own, ..VolumeNode::default() }
                 } else {
                     let below = &self.nodes[children.start as usize..children.end as usize];
                     let corners = around(below.iter().map(|child| child.corners));
@@ -124,13 +138,7 @@ impl VolumeLevels {
                         kernel.push(&mut self.merged);
                     }
                     let own = start..self.merged.len() as u32;
-                    VolumeNode {
-                        corners,
-                        spacing: grid.edge(shift(draft.bits)),
-                        own,
-                        children,
-                        ..VolumeNode::default()
-                    }
+                    VolumeNode { corners, spacing: grid.edge(shift(draft.bits)), bits: draft.bits, own, children }
                 };
             }
             all_below = made;
@@ -142,9 +150,10 @@ impl VolumeLevels {
         &self.nodes
     }
 
-    /// Memory of the tree, bytes.
+    /// Memory of the tree, bytes, with all measures that it may keep.
     pub(crate) fn bytes(&self) -> u64 {
-        self.merged.bytes() + (size_of_val(&*self.nodes) + size_of_val(&*self.order)) as u64
+        let measures = KEPT * self.nodes.len() * size_of::<NodeError>();
+        self.merged.bytes() + (size_of_val(&*self.nodes) + size_of_val(&*self.order) + measures) as u64
     }
 
     /// The kernels of the nodes `cut` of the tree of `volume`, in their order.
@@ -158,6 +167,7 @@ impl VolumeLevels {
             made.base.push(from.base[i]);
             made.normal.extend(from.normal.get(i));
         }
+        shrink(&mut made);
         made
     }
 
@@ -175,6 +185,16 @@ impl VolumeLevels {
 fn columns_of(volume: &Gaussians) -> Gaussians {
     let Gaussians { optics, antialiased, turned, linear, .. } = *volume;
     Gaussians { optics, antialiased, turned, linear, ..Gaussians::default() }
+}
+
+/// Gives back what columns have grown beyond their length.
+fn shrink(volume: &mut Gaussians) {
+    volume.position.shrink_to_fit();
+    volume.sigma.shrink_to_fit();
+    volume.rotation.shrink_to_fit();
+    volume.opacity.shrink_to_fit();
+    volume.base.shrink_to_fit();
+    volume.normal.shrink_to_fit();
 }
 
 /// The box around boxes, each by its corners.
