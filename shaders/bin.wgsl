@@ -45,8 +45,8 @@ struct Status {
     // Pixels with more layers than are peeled, as `peel_left_out` counts them, 64 bits.
     left_out_low: u32,
     left_out_high: u32,
-    // Entries of the longest list of all.
-    longest: u32,
+    // Entries of the longest list that is walked over at once.
+    longest: atomic<u32>,
     // Sum over passes of the longest list that they walked over, 64 bits; number of those passes, and the sum of the
     // shares of a large machine that the tiles with entries kept busy.
     chain_low: u32,
@@ -69,7 +69,6 @@ fn count_walks() {
     let low = status.chain_low + chain;
     status.chain_high += select(0u, 1u, low < chain);
     status.chain_low = low;
-    status.longest = max(status.longest, longest);
     status.walks += status.last_walks;
     let share = min(f32(atomicLoad(&status.last_tiles)) * f32(TILE_PIXELS) / LARGE_GPU, 1.0);
     status.filled += f32(status.last_walks) * share;
@@ -83,6 +82,8 @@ const WORKGROUP_ITEMS: u32 = 1024u;
 const DIGITS: u32 = 64u;
 // Lowest bit of the digit of this round.
 override SHIFT: u32 = 0u;
+// Is the digit the number of the view that an entry's slot belongs to?
+override BY_VIEW: bool = false;
 // Size of a slot's content in splats, and the part of it that has the bounds where a splat has them. Kernels in motion
 // and filtered kernels have two parts.
 override SPLATS: u32 = 1u;
@@ -95,17 +96,6 @@ fn touched_at(slot: u32) -> u32 {
 
 fn entries_of(count: u32) -> vec2<u32> {
     return select(vec2<u32>(count, 0u), vec2<u32>(0u, 1u), count == WIDE);
-}
-
-// Loads the view of a slot.
-fn load_view_of(slot: u32) {
-    var low = 0u;
-    var high = views[0].views;
-    while low + 1u < high {
-        let middle = (low + high) / 2u;
-        if views[middle].first_slot <= slot { low = middle; } else { high = middle; }
-    }
-    view = views[low];
 }
 
 var<workgroup> seen: atomic<u32>;
@@ -195,6 +185,15 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
     }
 }
 
+// The digit of entry `i` by which this round sorts.
+fn digit_of(i: u32) -> u32 {
+    if BY_VIEW {
+        load_view_of(sorted_list[i]);
+        return view.number;
+    }
+    return (sorted_keys[i] >> SHIFT) % DIGITS;
+}
+
 var<workgroup> counts: array<atomic<u32>, DIGITS>;
 
 @compute @workgroup_size(256)
@@ -202,7 +201,7 @@ fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     let first = group.x * WORKGROUP_ITEMS;
     let end = min(first + WORKGROUP_ITEMS, totals.entries);
     for (var i = first + lane; i < end; i += 256u) {
-        atomicAdd(&counts[(sorted_keys[i] >> SHIFT) % DIGITS], 1u);
+        atomicAdd(&counts[digit_of(i)], 1u);
     }
     workgroupBarrier();
     if lane < DIGITS {
@@ -247,7 +246,7 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     let first = group.x * WORKGROUP_ITEMS;
     let count = min(WORKGROUP_ITEMS, totals.entries - first);
     for (var i = lane; i < count; i += 256u) {
-        let digit = (sorted_keys[first + i] >> SHIFT) % DIGITS;
+        let digit = digit_of(first + i);
         digits[i] = digit;
         atomicAdd(&places[i / RUN * DIGITS + digit], 1u);
     }
@@ -290,14 +289,16 @@ fn bin_starts(@builtin(global_invocation_id) id: vec3<u32>) {
     let first = entries_before(id.x, 0u);
     starts[id.x] = first;
     if id.x == tiles { return; }
-    // Wide splats are in the lists of all tiles of their view; here they count as if there were one view.
     let own = entries_before(id.x + 1u, first) - first;
-    atomicMax(&status.last_longest, own + entries_at_rest(id.x) + totals.wide);
+    let all = own + other_entries(id.x);
+    atomicMax(&status.last_longest, all);
+    if (views[0].flags & IN_STRETCHES) == 0u { atomicMax(&status.longest, all); }
     if own > 0u { atomicAdd(&status.last_tiles, 1u); }
 }
 
-// Number of entries of the tile at rest that tile `tile` shares with others.
-fn entries_at_rest(tile: u32) -> u32 {
+// Number of entries of tile `tile` that are not in its own list: the wide splats of its view, and the tile at rest that
+// it shares with others.
+fn other_entries(tile: u32) -> u32 {
     var low = 0u;
     var high = views[0].views;
     while low + 1u < high {
@@ -305,10 +306,18 @@ fn entries_at_rest(tile: u32) -> u32 {
         if views[middle].first_tile <= tile { low = middle; } else { high = middle; }
     }
     let rest = views[low].rest;
-    if rest == low { return 0u; }
+    if rest == low { return wide_of(low); }
     let tile_at_rest = views[rest].first_tile + (tile - views[low].first_tile);
     let first = entries_before(tile_at_rest, 0u);
-    return entries_before(tile_at_rest + 1u, first) - first;
+    return wide_of(low) + wide_of(rest) + entries_before(tile_at_rest + 1u, first) - first;
+}
+
+// Number of wide splats of view `number`.
+fn wide_of(number: u32) -> u32 {
+    if totals.wide == 0u { return 0u; }
+    var end = totals.wide;
+    if number + 1u < views[0].views { end = wide_before(views[number + 1u].first_slot); }
+    return end - wide_before(views[number].first_slot);
 }
 
 // Number of entries of tiles before `tile`, at least `least`.

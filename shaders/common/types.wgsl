@@ -118,6 +118,8 @@ const IS_REST: u32 = 8u;
 const SHARES_TILES: u32 = 16u;
 // Nobody asks for more of the view than its lists.
 const LISTS_ALONE: u32 = 32u;
+// Its lists are walked over in stretches (common/list.wgsl).
+const IN_STRETCHES: u32 = 64u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The segments of a group begin with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows

@@ -14,3 +14,19 @@ fn has_tile(tile: vec2<u32>) -> bool {
 fn tile_of(tile: vec2<u32>) -> u32 {
     return view.first_tile + tile.y * view.tiles.x + tile.x;
 }
+
+// The number of a tile of the view among those of the film.
+fn film_tile_of(tile: vec2<u32>) -> u32 {
+    return view.film_tile + tile.y * view.tiles.x + tile.x;
+}
+
+// Loads the view of a slot.
+fn load_view_of(slot: u32) {
+    var low = 0u;
+    var high = views[0].views;
+    while low + 1u < high {
+        let middle = (low + high) / 2u;
+        if views[middle].first_slot <= slot { low = middle; } else { high = middle; }
+    }
+    view = views[low];
+}

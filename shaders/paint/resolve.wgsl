@@ -50,11 +50,6 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     }
 }
 
-// The number of a tile of the view among those of the film.
-fn film_tile_of(tile: vec2<u32>) -> u32 {
-    return view.film_tile + tile.y * view.tiles.x + tile.x;
-}
-
 // Finds what one group shows at a pixel, whose depths and sums are those of tile `index`.
 fn show_group(index: u32, tile: vec2<u32>, pixel: vec2<u32>) {
     let in_tile = pixel.y * TILE + pixel.x;

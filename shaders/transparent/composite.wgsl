@@ -7,8 +7,8 @@
 //                      wanted the depth, then the velocity, then the normal; then the first of these of the open layer
 //                      of a volume, with its optical depth first and its number last; then the number of the next layer
 //                      of see-through surfels
-// One workgroup per tile, one invocation per quad of pixels. Slabs of depth come one after the other, the nearest
-// first.
+// One workgroup per tile of each view, one invocation per quad of pixels. Slabs of depth come one after the other, the
+// nearest first. Lists may be walked over in stretches.
 
 @group(1) @binding(4) var<storage, read> splats: array<DeviceGaussian>;
 @group(1) @binding(10) var<storage, read> list: array<u32>;
@@ -73,16 +73,17 @@ struct Quad {
 
 @compute @workgroup_size(4, 16)
 fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) place: vec3<u32>) {
+    view = views[tile.z];
     let tile_place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
-    if !is_wanted(tile_place) { return; }
-    let index = tile.y * view.tiles.x + tile.x;
+    if !has_tile(tile.xy) || !is_wanted(tile_place) { return; }
+    let index = tile_of(tile.xy);
     let in_tile = place.y * 4u + place.x;
     let at = index * CHANNELS * TILE_QUADS + in_tile;
     var quad: Quad;
     quad.column = tile_place.x * TILE + place.x * 4u;
     quad.row = tile_place.y * TILE + place.y;
-    var walk = walk_of(index);
-    // A layer that is still open ends with the last slab.
+    var walk = stretch_of(walk_of(index));
+    // A layer that is still open ends with the last stretch of the last slab.
     let has_rest = (OPEN != 0u || NEXT != 0u) && (view.flags & LAST_SLAB) != 0u;
     var sum: Composite;
     var open: Composite;

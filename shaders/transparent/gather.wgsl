@@ -18,8 +18,9 @@ const WORKGROUP_ITEMS: u32 = 1024u;
 @compute @workgroup_size(256)
 fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let first = group.x * WORKGROUP_ITEMS;
-    let end = min(first + WORKGROUP_ITEMS, view.slots);
+    let end = min(first + WORKGROUP_ITEMS, views[0].slots);
     for (var i = first + lane; i < end; i += 256u) {
+        load_view_of(i);
         let splat = gaussians[order[view.first_place + i]];
         let bounds = unpack(splat.bounds);
         var count = 0u;

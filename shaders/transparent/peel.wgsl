@@ -42,7 +42,9 @@ fn peel_start(
     @builtin(local_invocation_id) quad: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let depths_at = depths_of(index);
     let wants = is_wanted(vec2<u32>(tile.x, view.first_tile_row + tile.y));
     if lane == 0u { peeled[4u * (depths_at + state_place())] = select(0.0, 1.0, wants); }
@@ -78,7 +80,9 @@ fn peel_resolve(
     @builtin(local_invocation_id) pixel: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let depths_at = depths_of(index);
     let state_at = 4u * (depths_at + state_place());
     if lane == 0u { is_live = u32(peeled[state_at]); }
@@ -125,7 +129,9 @@ fn peel_left_out(
     @builtin(local_invocation_id) pixel: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let depths_at = depths_of(tile.y * view.tiles.x + tile.x);
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let depths_at = depths_of(tile_of(tile.xy));
     let live = peeled[4u * (depths_at + state_place())] > 0.0;
     if live && shows_at(depths_at, lane, depth_at(depths_at, pixel.xy), cover_at(depths_at, lane)) {
         atomicAdd(&counted, 1u);

@@ -2,20 +2,20 @@
 // culled; and the depths by which they are sorted.
 // Twins: src/backend/cpu/transparent/project.rs, emission.rs, harmonics.rs; key_of of sorted.rs.
 // Math: docs/math.md, sections 11 and 12.
-//   in   segment, lights
+//   in   segments, lights
 //        geometry    columns: positions, standard deviations, rotations (x, y, z, w), opacities
 //        looks       columns: colours from all sides; the harmonics of each Gaussian; then normals where it has them
 //   out  gaussians   one for each slot; those that touch nothing have bounds that say so
 //        keys, list  depths as integers of the same order, and the slots themselves
 // One invocation per Gaussian of a segment.
 
-@group(0) @binding(1) var<uniform> segment: CaptureSegment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(1) var<storage, read> looks: array<f32>;
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(9) var<storage, read_write> keys: array<u32>;
 @group(1) @binding(10) var<storage, read_write> list: array<u32>;
 @group(1) @binding(32) var<storage, read_write> gaussians: array<DeviceGaussian>;
+@group(1) @binding(38) var<storage, read> segments: array<CaptureSegment>;
 
 // Are velocities wanted?
 override VELOCITY: bool = false;
@@ -61,8 +61,13 @@ struct CaptureSegment {
     material: vec4<f32>,
     first_light: u32,
     lights: u32,
-    unused: vec2<u32>,
+    // Number of the view.
+    view: u32,
+    unused: u32,
 }
+// The segment of the invocation.
+var<private> segment: CaptureSegment;
+
 const FLAG_ANTIALIAS: u32 = 1u;
 const FLAG_ENCODE: u32 = 2u;
 const FLAG_VOLUME: u32 = 4u;
@@ -78,10 +83,14 @@ const MOST_LAYER: f32 = 4294967040.0;
 const HALF_LOG2_E: f32 = 0.72134752;
 
 @compute @workgroup_size(256)
-fn gaussian_project(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= segment.count { return; }
-    let slot = segment.first_slot + id.x;
-    let at = 3u * id.x;
+fn gaussian_project(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let item = work_of(group.x);
+    segment = segments[item.x];
+    let index = 256u * item.y + lane;
+    if index >= segment.count { return; }
+    view = views[segment.view];
+    let slot = segment.first_slot + index;
+    let at = 3u * index;
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
     var centre = apply(segment.screen, position);
     var lands = NO_LANDING;
@@ -91,11 +100,11 @@ fn gaussian_project(@builtin(global_invocation_id) id: vec3<u32>) {
         lands = landing(centre, motion);
         centre += lands.time * motion;
     }
-    var splat = projected(id.x, position, centre, lands);
+    var splat = projected(index, position, centre, lands);
     if unpack(splat.bounds).x <= unpack(splat.bounds).y {
-        let colour = colour_of(id.x, position);
+        let colour = colour_of(index, position);
         splat.colour = array<f32, 3>(colour.x, colour.y, colour.z);
-        if VELOCITY { splat.velocity = velocity_of(position, centre); }
+        if VELOCITY { splat.velocity = velocity_of(position); }
     }
     if (segment.flags & FLAG_VOLUME) != 0u {
         splat.layer = 1u + u32(clamp(centre.z / segment.layer, 0.0, MOST_LAYER));
@@ -321,7 +330,9 @@ fn harmonics(i: u32, d: vec3<f32>) -> vec3<f32> {
 }
 
 // Screen velocity of a centre: the derivative of (x, y) = (X, Y) / depth.
-fn velocity_of(position: vec3<f32>, centre: vec3<f32>) -> vec2<f32> {
+// A strip that is read out has that of its middle, as surfels have.
+fn velocity_of(position: vec3<f32>) -> vec2<f32> {
+    let centre = apply(segment.screen, position);
     let rate = apply(segment.rate, position);
     let over = 1.0 / centre.z;
     let x = (rate.x - centre.x * over * rate.z) * over;

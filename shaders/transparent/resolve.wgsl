@@ -6,7 +6,7 @@
 //        backdrop
 //   out  film
 // One invocation per pixel. The film holds what the picture has more than the background that shows through:
-// developing adds that.
+// developing adds that. The groups of a round that add to the same part of the film are added in their order.
 
 @group(0) @binding(1) var<uniform> backdrop: DeviceBackground;
 @group(1) @binding(20) var<storage, read> sums: array<f32>;
@@ -33,20 +33,29 @@ struct DeviceBackground {
 
 @compute @workgroup_size(16, 16)
 fn transparent_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
-    if !is_wanted(vec2<u32>(tile.x, view.first_tile_row + tile.y)) { return; }
-    let index = tile.y * view.tiles.x + tile.x;
-    let in_tile = pixel.y * TILE + pixel.x;
+    let end = tile.z + views[tile.z].same_film;
+    for (var number = tile.z; number < end; number += 1u) {
+        view = views[number];
+        let has_it = has_tile(tile.xy) && is_wanted(vec2<u32>(tile.x, view.first_tile_row + tile.y));
+        if has_it { lay_over(tile.xy, pixel.y * TILE + pixel.x); }
+    }
+}
+
+// Adds pixel `in_tile` of a tile of the view to the film.
+fn lay_over(tile: vec2<u32>, in_tile: u32) {
+    let index = tile_of(tile);
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
-    let at = index * PLANES * TILE_PIXELS + in_tile;
+    let opaque_at = index * PLANES * TILE_PIXELS + in_tile;
+    let at = film_tile_of(tile) * PLANES * TILE_PIXELS + in_tile;
     let through = sums[sum_at];
-    let solid = of_opaque(at, 3u);
+    let solid = of_opaque(opaque_at, 3u);
     if through == 1.0 && solid == 0.0 { return; }
     let alpha = 1.0 - through * (1.0 - solid);
     var inverse = 0.0;
     if solid > 0.0 { inverse = 1.0 / solid; }
     for (var c = 0u; c < 3u; c += 1u) {
         let own = sums[sum_at + (1u + c) * TILE_PIXELS];
-        let linear = of_opaque(at, c) * inverse;
+        let linear = of_opaque(opaque_at, c) * inverse;
         var shown = linear;
         if CODED { shown = from_linear(linear); }
         let front = own + through * (shown * solid);
@@ -57,18 +66,18 @@ fn transparent_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_in
     film[at + 3u * TILE_PIXELS] += view.weight * alpha;
     // Opaque surfels show through what is before them.
     if DEPTH_PLANE != 0u {
-        add(at, DEPTH_PLANE, sums[sum_at + 4u * TILE_PIXELS], through);
+        add(at, opaque_at, DEPTH_PLANE, sums[sum_at + 4u * TILE_PIXELS], through);
     }
     if NORMAL_PLANE != 0u {
         for (var c = 0u; c < 3u; c += 1u) {
             var own = 0.0;
             if NORMAL != 0u { own = sums[sum_at + (NORMAL + c) * TILE_PIXELS]; }
-            add(at, NORMAL_PLANE + c, own, through);
+            add(at, opaque_at, NORMAL_PLANE + c, own, through);
         }
     }
     if VELOCITY_PLANE != 0u {
-        add(at, VELOCITY_PLANE, sums[sum_at + 5u * TILE_PIXELS], through);
-        add(at, VELOCITY_PLANE + 1u, sums[sum_at + 6u * TILE_PIXELS], through);
+        add(at, opaque_at, VELOCITY_PLANE, sums[sum_at + 5u * TILE_PIXELS], through);
+        add(at, opaque_at, VELOCITY_PLANE + 1u, sums[sum_at + 6u * TILE_PIXELS], through);
     }
 }
 
@@ -88,6 +97,6 @@ fn of_opaque(at: u32, plane: u32) -> f32 {
     return opaque_film[at + plane * TILE_PIXELS] * view.opaque_scale;
 }
 
-fn add(at: u32, plane: u32, own: f32, through: f32) {
-    film[at + plane * TILE_PIXELS] += view.weight * (own + through * of_opaque(at, plane));
+fn add(at: u32, opaque_at: u32, plane: u32, own: f32, through: f32) {
+    film[at + plane * TILE_PIXELS] += view.weight * (own + through * of_opaque(opaque_at, plane));
 }

@@ -173,6 +173,8 @@ pub(in crate::backend) struct TransparentPrograms {
     pub emit: BoundProgram,
     /// By depth.
     pub sort: Vec<Round>,
+    /// The last round of the sort where there are several views.
+    pub sort_by_view: [Round; 1],
     pub gather: BoundProgram,
     pub composite: BoundProgram,
 }
@@ -234,6 +236,7 @@ impl Binder<'_> {
             Slot::Opaque => &b.opaque,
             Slot::Peeled => &b.peeled,
             Slot::Layers => &b.layers,
+            Slot::CaptureSegments => &b.capture_segments,
         }
     }
 
@@ -306,11 +309,15 @@ impl Binder<'_> {
 
     /// Binds a round of a sort, which reads the buffers `from`.
     pub(super) fn round(&mut self, round: usize, from: usize) -> Result<Round, BackendError> {
-        let shift = vec![("SHIFT", round as u32 * DIGIT_BITS)];
+        self.round_by(&vec![("SHIFT", round as u32 * DIGIT_BITS)], from)
+    }
+
+    /// The same by the digit that `constants` tell of.
+    pub(super) fn round_by(&mut self, constants: &Constants, from: usize) -> Result<Round, BackendError> {
         Ok(Round {
-            count: self.program(Program::SortCount, &shift, from, &[])?,
+            count: self.program(Program::SortCount, constants, from, &[])?,
             scan: self.program(Program::SortScan, &Constants::new(), from, &[])?,
-            scatter: self.program(Program::SortScatter, &shift, from, &[])?,
+            scatter: self.program(Program::SortScatter, constants, from, &[])?,
         })
     }
 

@@ -6,7 +6,7 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{
-    DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEW_BYTES, VIEWS, WORKGROUP_ITEMS, WORKGROUPS,
+    CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEW_BYTES, VIEWS, WORKGROUP_ITEMS, WORKGROUPS,
 };
 use super::memory::{MAP_BYTES, Schedule};
 use crate::backend::BackendError;
@@ -17,9 +17,10 @@ use crate::layout::FilteredSplat;
 #[derive(Debug)]
 pub(in crate::backend) struct Buffers {
     pub views: Buffer,
-    /// Tables of workgroups; the segments of captures, the background, and the totals of sorts.
+    /// Tables of workgroups; the background, and the totals of sorts.
     pub uniforms: Buffer,
     pub segments: Buffer,
+    pub capture_segments: Buffer,
     pub lights: Buffer,
     /// What surfaces mirror, and the map that it was made of.
     pub environment: Buffer,
@@ -45,7 +46,8 @@ pub(in crate::backend) struct Buffers {
     pub coverage_mask: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
-    /// The Gaussians of all captures and volumes at one time sample, and their slots in the order of depth.
+    /// The Gaussians of all captures and volumes, at a time sample of each group of a round, and their slots in the
+    /// order of depth.
     pub gaussians: Buffer,
     pub order: Buffer,
     /// The picture of a group's surfels, which what is transparent is laid over.
@@ -75,6 +77,7 @@ impl Buffers {
             views: device.buffer("views", VIEW_BYTES, UNIFORM)?,
             uniforms: device.buffer("tables", TABLE_BYTES, UNIFORM | BufferUsages::COPY_SRC)?,
             segments: device.buffer("segments", size_of::<Segment>() as u64, SHARED)?,
+            capture_segments: device.buffer("segments", size_of::<CaptureSegment>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
             environment: empty()?,
             environment_of: Weak::new(),
@@ -123,8 +126,8 @@ impl Buffers {
         grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.slice_bytes * band)?;
         grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
         let each = size_of::<DeviceGaussian>() as u64;
-        grow(device, &mut self.gaussians, "splats of captures", schedule.gaussians * each)?;
-        grow(device, &mut self.order, "splats of captures", 4 * schedule.gaussians)?;
+        grow(device, &mut self.gaussians, "splats of captures", schedule.round_gaussians * each)?;
+        grow(device, &mut self.order, "splats of captures", 4 * schedule.round_gaussians)?;
         grow(device, &mut self.opaque, "the opaque picture", schedule.opaque_bytes * band)?;
         grow(device, &mut self.peeled, "see-through surfels", schedule.peeled_bytes * band)?;
         grow(device, &mut self.layers, "see-through surfels", schedule.layer_bytes * band)?;

@@ -127,7 +127,8 @@ fn channels_of_composite(frame: &Frame, channels: &DeviceChannels, planes: &Film
 }
 
 /// For pass `composite`.
-pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+pub(super) fn composite_constants(prepared: &Prepared<'_>) -> Constants {
+    let Prepared { frame, channels, planes, .. } = prepared;
     let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
     let mut constants = channels_of_composite(frame, channels, planes);
     constants.extend([
@@ -138,6 +139,7 @@ pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels, plan
         ("MOST_LAYERS", u32::from(LAYERS)),
         // The films of layers have a plane more.
         ("PLANES", planes.count as u32 + 1),
+        stretch(prepared),
     ]);
     constants
 }

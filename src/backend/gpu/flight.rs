@@ -126,7 +126,7 @@ impl Gpu {
         let (film, rest) = view.split_at(flight.film_bytes as usize);
         let status = bytemuck::pod_read_unaligned::<Status>(&rest[..size_of::<Status>()]);
         let wanted = u64::from(status.most_entries);
-        let (has_room, has_turns) = (wanted <= flight.entries, status.longest() <= flight.most_list);
+        let (has_room, has_turns) = (wanted <= flight.entries, u64::from(status.longest) <= flight.most_list);
         let fits = has_room && has_turns;
         calls += status.count();
         let mut stats = Stats { gpu: Some(calls), ..Stats::of(&frame) };
@@ -152,7 +152,7 @@ impl Gpu {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
         } else if !has_turns && flight.slots > flight.most_list {
             // Lists grow about as batches do. No list has more entries than its batch has slots.
-            let share = flight.most_list as f64 / status.longest() as f64;
+            let share = flight.most_list as f64 / f64::from(status.longest);
             let shorter = (0.8 * share * flight.slots as f64) as u64;
             self.most_slots = self.most_slots.min(shorter.max(flight.most_list)).max(1);
         } else if flight.groups > 1 {
@@ -164,7 +164,7 @@ impl Gpu {
             let what = if has_turns {
                 format!("lists of {wanted} entries do not fit into its buffers")
             } else {
-                format!("a list of {} entries is longer than its loops", status.longest())
+                format!("a list of {} entries is longer than its loops", status.longest)
             };
             return Err(self.state.device.error(what));
         }

@@ -100,6 +100,8 @@ pub(in crate::backend) const IS_REST: u32 = 8;
 pub(in crate::backend) const SHARES_TILES: u32 = 16;
 /// Nobody asks for more of the view than its lists.
 pub(in crate::backend) const LISTS_ALONE: u32 = 32;
+/// Its lists are walked over in stretches.
+pub(in crate::backend) const IN_STRETCHES: u32 = 64;
 
 /// Kinds of [`Light`], the w of its vector. All others are point lights.
 pub(in crate::backend) const AMBIENT: f32 = 0.0;
@@ -187,7 +189,8 @@ pub(in crate::backend) struct CaptureSegment {
     pub material: [f32; 4],
     pub first_light: u32,
     pub lights: u32,
-    pub unused: [u32; 2],
+    pub view: u32,
+    pub unused: u32,
 }
 
 /// A projected Gaussian ([`crate::layout::GaussianSplat`]) as the device has it.
@@ -239,11 +242,6 @@ pub(in crate::backend) struct Status {
 pub(in crate::backend) const LARGE_GPU: f32 = 270_336.0;
 
 impl Status {
-    /// Entries of the longest list of all.
-    pub(in crate::backend) fn longest(&self) -> u64 {
-        u64::from(self.longest.max(self.last_longest))
-    }
-
     /// Counts the passes that walked over lists.
     pub(in crate::backend) fn count(&self) -> GpuCalls {
         let mut calls = GpuCalls::default();

@@ -1,6 +1,6 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
-use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS, stepped};
+use super::layout::{DIGIT_BITS, DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS, stepped};
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::{Frame, PixelRect, Position, RasterArea};
@@ -238,8 +238,9 @@ pub(in crate::backend) struct Schedule {
     pub mask_bytes: u64,
     /// Bytes of a tile's thresholds of slices, and of their nearest depths; 0 where there are none.
     pub slice_bytes: u64,
-    /// Gaussians of all captures and volumes.
+    /// Gaussians of all captures and volumes, of a group and of a round.
     pub gaussians: u64,
+    pub round_gaussians: u64,
     /// Bytes of a tile of the opaque picture that what is transparent is laid over; 0 without.
     pub opaque_bytes: u64,
     /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
@@ -359,31 +360,42 @@ impl Schedule {
         let slots = of_group.max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
         // What is left beside the lists of a batch makes room for rounds, and for longer lists.
         let each_slot = slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES;
-        let each_group = of_group.clamp(1, slots);
+        let each_group = of_group.max(gaussians).clamp(1, slots);
+        // A group of a round has its own Gaussians, sorted by depth and then by group.
+        let gaussian_bytes = gaussians * (GAUSSIAN_BYTES + ENTRY_BYTES);
+        let most_sorted = 65_535 * u64::from(WORKGROUP_ITEMS);
         let spare = left.saturating_sub(slots * each_slot + LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / 2;
-        let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest {
+        let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest && gaussians <= slots {
             let tile_bound = bound_of_tiles / band_tiles.max(1);
             let slot_bound = 1 + bound.saturating_sub(slots) / each_group;
+            let gaussian_bound = match gaussians {
+                0 => u64::MAX,
+                _ => (most_bytes / GAUSSIAN_BYTES).min(most_sorted) / gaussians,
+            };
+            let sorted_groups = if gaussians > 0 { 1 << DIGIT_BITS } else { u64::MAX };
             let enough = 1 + MOST_ROUND_TILES / band_tiles.max(1);
             let shares = if frame.shares_rest() { SHARING_GROUPS } else { 1 };
-            (1 + spare / (band_tiles * tile_bytes + each_group * each_slot).max(1))
+            (1 + spare / (band_tiles * tile_bytes + each_group * each_slot + gaussian_bytes).max(1))
                 .min(enough.max(shares))
                 .min(limits.groups)
                 .min(tile_bound)
                 .min(slot_bound)
+                .min(gaussian_bound)
+                .min(sorted_groups)
                 // What is at rest takes a place of its own.
                 .min(frame.positions().map(|position| position.groups.len() as u64 + 1).sum())
                 .max(1)
         } else {
             1
         };
-        let left = left - (round_groups - 1) * band_tiles * tile_bytes;
+        let left = left - (round_groups - 1) * (band_tiles * tile_bytes + gaussian_bytes);
+        let round_gaussians = round_groups * gaussians;
         let (round_slots, round_tiles) = (slots + (round_groups - 1) * each_group, round_groups * band_tiles);
         let most_entries = ((left.saturating_sub(round_slots * slot_bytes)) / ENTRY_BYTES)
             .max(LEAST_SLOTS * u64::from(WIDEST))
-            .max(gaussians)
+            .max(round_gaussians)
             .min(most_bytes / 4)
-            .min(65_535 * u64::from(WORKGROUP_ITEMS));
+            .min(most_sorted);
         Ok(Self {
             rasters,
             film_bytes,
@@ -402,6 +414,7 @@ impl Schedule {
             mask_bytes,
             slice_bytes,
             gaussians,
+            round_gaussians,
             opaque_bytes,
             peeled_bytes,
             layer_bytes,
@@ -416,9 +429,10 @@ impl Schedule {
     }
 }
 
-/// Do groups of a frame go through the passes together? Those that something transparent is laid over come one by one.
+/// Do groups of a frame go through the passes together? Those of several samples that something transparent is laid
+/// over come one by one, for each of them has several pictures.
 pub(in crate::backend) fn makes_rounds(frame: &Frame) -> bool {
-    frame.swept.is_none() && frame.blending.is_none() && !frame.has_see_through()
+    frame.swept.is_none() && (frame.blending.is_none() || frame.samples_of_a_group() == 1)
 }
 
 /// Widest apron of see-through surfels.

@@ -3,12 +3,12 @@
 
 use wgpu::ComputePass;
 
-use super::bind::{Binder, BoundProgram, FilmPart, ListPrograms, PaintPrograms};
+use super::bind::{Binder, FilmPart, ListPrograms, PaintPrograms};
 use super::constants::{depth_constants, sum_constants, value_constants};
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
 use super::programs::{KernelKind, Program, Slot};
-use super::recorder::{StepWork, of_surfels};
+use super::recorder::{StepWork, of_surfels, of_views};
 use super::timestamps::Stage;
 use super::upload::Placed;
 use crate::backend::BackendError;
@@ -94,10 +94,4 @@ impl StepWork for PaintStep<'_> {
             PaintPass::Resolve => of_views(recorder, &self.film.resolve, batch),
         }
     }
-}
-
-/// Records a workgroup for each tile of each view of a round.
-fn of_views(recorder: &mut ComputePass<'_>, program: &BoundProgram, batch: &Placed) {
-    let [x, y] = batch.tiles;
-    program.dispatch(recorder, &[batch.view], [x, y, batch.views]);
 }

@@ -43,9 +43,10 @@ pub(in crate::backend) struct Prepared<'a> {
     pub schedule: Schedule,
     /// Bytes of a buffer that a program can bind.
     pub most_bytes: u64,
-    /// Entries of the longest list that programs walk over to its end.
+    /// Entries of the longest list of surfels that programs walk over to its end.
     pub most_list: u64,
-    /// Most entries that an invocation walks over of kernels in motion. Longer lists are walked over in stretches.
+    /// Most entries that an invocation walks over of kernels in motion, and of Gaussians. Longer lists are walked over
+    /// in stretches.
     pub stretch: u64,
 }
 
@@ -56,10 +57,12 @@ impl Gpu {
         let planes = frame.film_planes();
         // An entry takes two turns of a loop. Full EWA walks over a list twice, for the band and for the other layers.
         // A kernel in motion that a pixel meets takes one turn more for each slice that it touches, or for each
-        // sample of its source, and one to find the end; its lists are walked over in stretches.
+        // sample of its source, and one to find the end; its lists are walked over in stretches. So are those of
+        // Gaussians, each of which takes two turns more where layers of surfels may lie before it.
         let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
         let samples_of_source = frame.swept.map_or(0, |swept| u64::from(swept.source_samples.0));
-        let stretch = (self.most_turns / (3 + u64::from(frame.slices()).max(samples_of_source))).max(1);
+        let before = if see_through.is_some() { 2 } else { 0 };
+        let stretch = (self.most_turns / (3 + before + u64::from(frame.slices()).max(samples_of_source))).max(1);
         let instants = frame.swept.is_none_or(SweptKernel::is_published);
         let most_list = if instants { self.most_turns / if layers > 1 { 4 } else { 2 } } else { u64::MAX };
         let most_slots = if frame.swept.is_some() { stretch.saturating_mul(MOST_STRETCHES) } else { u64::MAX };
@@ -96,7 +99,7 @@ impl Gpu {
         buffers.fit(device, &schedule)?;
         let entries = (ENTRIES_PER_SLOT * schedule.round_slots).min(self.first_entries).max(self.wanted_entries);
         // The sort of Gaussians takes an entry for each.
-        buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.gaussians))?;
+        buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.round_gaussians))?;
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.write(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));

@@ -50,6 +50,7 @@ pub(in crate::backend) enum Slot {
     Peeled = 35,
     Layers = 36,
     Environment = 37,
+    CaptureSegments = 38,
 }
 
 /// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
@@ -268,9 +269,9 @@ impl Program {
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers, Lights, List,
-            Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats, Starts,
-            Status, Sums, Thresholds, Totals, Touched, Values, Wanted, Wide, WrittenTotals,
+            CaptureSegments, CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys,
+            Layers, Lights, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys,
+            SortedList, Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Values, Wanted, Wide, WrittenTotals,
         };
         match self {
             Self::Project(_) | Self::Sweep | Self::PublishedSweep => {
@@ -279,7 +280,7 @@ impl Program {
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
             Self::BinEmit => (&[Splats, Touched, Totals, Wanted], &[Partials, Keys, List, Wide]),
-            Self::SortCount => (&[Totals, SortedKeys], &[Histogram]),
+            Self::SortCount => (&[Totals, SortedKeys, SortedList], &[Histogram]),
             Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Wide, Starts, Status]),
@@ -297,7 +298,7 @@ impl Program {
             }
             Self::Pool | Self::PublishedPool => (&[Sums, CoverageMask, Moments], &[Film]),
             Self::Finish => (&[], &[Film]),
-            Self::GaussianProject => (&[Geometry, Looks, Lights], &[Keys, List, Gaussians]),
+            Self::GaussianProject => (&[Geometry, Looks, Lights, CaptureSegments], &[Keys, List, Gaussians]),
             Self::Gather => (&[Gaussians, Order, Wanted], &[Splats, Touched]),
             Self::Composite => (&[Splats, List, Wide, Starts, Thresholds, Wanted, Layers], &[Sums]),
             Self::TransparentResolve => (&[Sums, Opaque, Wanted], &[Film]),
@@ -307,7 +308,7 @@ impl Program {
         }
     }
 
-    /// True if the program has a second uniform: a table of workgroups, a capture's segment, or the background.
+    /// True if the program has a second uniform: a table of workgroups, or the background.
     pub(in crate::backend) const fn has_second_uniform(self) -> bool {
         matches!(
             self,

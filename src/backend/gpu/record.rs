@@ -53,7 +53,7 @@ impl Gpu {
 
 impl Recorder<'_> {
     /// Records a task.
-    fn task(&mut self, prepared: &Prepared<'_>, task: &Task<'_>) -> Result<(), BackendError> {
+    fn task(&mut self, prepared: &Prepared<'_>, task: &Task) -> Result<(), BackendError> {
         let (programs, state) = (self.programs, self.state);
         let unbound = || state.device.error("a step's programs were not bound");
         match task {

@@ -158,7 +158,31 @@ pub(in crate::backend) fn dispatch(
 
 /// Records what makes the splats of a batch, or their values: a program for each surfel buffer of each object.
 pub(in crate::backend) fn of_surfels(recorder: &mut ComputePass<'_>, programs: &[Vec<BoundProgram>], batch: &Placed) {
-    for &SurfelDispatch { object, buffer, table, workgroups } in &batch.surfels {
-        programs[object][buffer].dispatch(recorder, &[batch.view, table], [workgroups, 1, 1]);
+    of_buffers(recorder, programs, batch.view, &batch.surfels);
+}
+
+/// The same for any buffers of models.
+pub(in crate::backend) fn of_buffers(
+    recorder: &mut ComputePass<'_>,
+    programs: &[Vec<BoundProgram>],
+    view: u32,
+    dispatches: &[SurfelDispatch],
+) {
+    for &SurfelDispatch { object, buffer, table, workgroups } in dispatches {
+        programs[object][buffer].dispatch(recorder, &[view, table], [workgroups, 1, 1]);
+    }
+}
+
+/// Records a workgroup for each tile of each view of a round.
+pub(in crate::backend) fn of_views(recorder: &mut ComputePass<'_>, program: &BoundProgram, round: &Placed) {
+    let [x, y] = round.tiles;
+    program.dispatch(recorder, &[round.view], [x, y, round.views]);
+}
+
+/// The same for each stretch of the lists.
+pub(in crate::backend) fn in_stretches(recorder: &mut ComputePass<'_>, program: &BoundProgram, round: &Placed) {
+    let [x, y] = round.tiles;
+    for &view in [round.view].iter().chain(&round.later) {
+        program.dispatch(recorder, &[view], [x, y, round.views]);
     }
 }

@@ -4,8 +4,11 @@
 use std::iter::Peekable;
 
 use super::batches::Batch;
+use super::captures::runs;
 use super::job::{Job, JobPlace};
-use super::layout::{IS_REST, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Segment, VIEWS, View};
+use super::layout::{
+    CaptureSegment, IS_REST, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Segment, VIEWS, View,
+};
 use super::memory::makes_rounds;
 use super::prepared::Prepared;
 use super::transparent::TransparentStep;
@@ -17,7 +20,7 @@ const CHUNK_BYTES: usize = 1 << 25;
 
 /// Passes that are recorded together. Films are indices of parts of the film.
 #[derive(Debug)]
-pub(in crate::backend) enum Task<'a> {
+pub(in crate::backend) enum Task {
     /// Steps `Paint`, or instants of step `Published`.
     Paint {
         film: usize,
@@ -26,7 +29,7 @@ pub(in crate::backend) enum Task<'a> {
     Peel(Vec<Placed>),
     Composite {
         film: usize,
-        step: TransparentStep<'a>,
+        step: TransparentStep,
     },
     Sweep {
         film: usize,
@@ -46,8 +49,8 @@ pub(in crate::backend) enum Task<'a> {
 
 /// Tasks that are uploaded and submitted together.
 #[derive(Debug, Default)]
-pub(in crate::backend) struct Chunk<'a> {
-    pub tasks: Vec<Task<'a>>,
+pub(in crate::backend) struct Chunk {
+    pub tasks: Vec<Task>,
     pub upload: Upload,
 }
 
@@ -87,28 +90,34 @@ pub(in crate::backend) struct Walk<'a, I: Iterator> {
     steps: Peekable<I>,
     /// Entries of lists that there is room for.
     entries: u64,
-    /// What the last group has.
-    has_opaque: bool,
-    has_layers: bool,
+    /// The surfels of the last group, where something transparent is laid over it.
+    surfels: GroupSurfels<'a>,
+}
+
+/// The surfels of a group, each kind with its job and cut into batches; `None` where a frame has none of a kind.
+#[derive(Default)]
+struct GroupSurfels<'a> {
+    opaque: Option<(Job<'a>, Vec<Batch>)>,
+    see_through: Option<(Job<'a>, Vec<Batch>)>,
 }
 
 /// The walk over a frame.
-pub(in crate::backend) fn walk<'a>(prepared: &'a Prepared<'a>, entries: u64) -> impl Iterator<Item = Chunk<'a>> {
+pub(in crate::backend) fn walk<'a>(prepared: &'a Prepared<'a>, entries: u64) -> impl Iterator<Item = Chunk> {
     let steps = steps(prepared).peekable();
-    Walk { prepared, steps, entries, has_opaque: false, has_layers: false }
+    Walk { prepared, steps, entries, surfels: GroupSurfels::default() }
 }
 
 impl<'a, I: Iterator<Item = PlacedStep<'a>>> Iterator for Walk<'a, I> {
-    type Item = Chunk<'a>;
+    type Item = Chunk;
 
-    fn next(&mut self) -> Option<Chunk<'a>> {
+    fn next(&mut self) -> Option<Chunk> {
         self.steps.peek()?;
         let mut chunk = Chunk::default();
         let mut round = Round::default();
         while chunk.upload.bytes() + round.bytes < CHUNK_BYTES {
             let Some(next) = self.steps.next() else { break };
             if next.begins {
-                (self.has_opaque, self.has_layers, round.rest) = (false, false, None);
+                round.rest = None;
             }
             self.add(&mut chunk, &mut round, &next);
         }
@@ -119,7 +128,7 @@ impl<'a, I: Iterator<Item = PlacedStep<'a>>> Iterator for Walk<'a, I> {
 
 impl<'a, I: Iterator> Walk<'a, I> {
     /// Adds a step to a chunk, or to the round that goes into it next.
-    fn add(&mut self, chunk: &mut Chunk<'a>, round: &mut Round<'a>, next: &PlacedStep<'a>) {
+    fn add(&mut self, chunk: &mut Chunk, round: &mut Round<'a>, next: &PlacedStep<'a>) {
         let (place, film, entries) = (next.place, next.place.film, self.entries);
         let paint = match *next.step {
             Step::Paint { group, shares_rest } => Some((group, shares_rest)),
@@ -129,15 +138,34 @@ impl<'a, I: Iterator> Walk<'a, I> {
         if let Some((group, shares_rest)) = paint {
             let job = place.paint_job(group, false);
             let mut batches = place.batches(&job);
-            self.has_opaque = !batches.is_empty();
-            if batches.len() == 1 && makes_rounds(self.prepared.frame) {
+            if self.prepared.frame.blending.is_some() {
+                self.surfels = GroupSurfels { opaque: Some((job, batches)), see_through: None };
+            } else if batches.len() == 1 && makes_rounds(self.prepared.frame) {
                 round.add(chunk, (job, batches.remove(0)), shares_rest, entries);
+            } else {
+                round.close(chunk, entries);
+                let placed = chunk.upload.place(&job, &batches, entries);
+                chunk.tasks.push(Task::Paint { film, placed });
+            }
+            return;
+        }
+        match *next.step {
+            Step::Peel { group } => {
+                let job = place.paint_job(group, true);
+                self.surfels.see_through = Some((job, place.batches(&job)));
                 return;
             }
-            round.close(chunk, entries);
-            let placed = chunk.upload.place(&job, &batches, entries);
-            chunk.tasks.push(Task::Paint { film, placed });
-            return;
+            Step::Composite { group } => {
+                let over = OverGroup::new(place.job(group), std::mem::take(&mut self.surfels));
+                if over.fits_rounds() {
+                    round.add_over(chunk, over, entries);
+                } else {
+                    round.close(chunk, entries);
+                    over.add_alone(chunk, entries);
+                }
+                return;
+            }
+            _ => {}
         }
         round.close(chunk, entries);
         let mut place_all = |job: &Job<'a>| {
@@ -145,19 +173,10 @@ impl<'a, I: Iterator> Walk<'a, I> {
             chunk.upload.place(job, &batches, entries)
         };
         let task = match *next.step {
-            Step::Paint { .. } | Step::Published { part: Published::Instant, .. } => return,
-            Step::Peel { group } => {
-                let flags = u32::from(self.has_opaque) * OPAQUE_SURFELS;
-                let placed = place_all(&Job { flags, ..place.paint_job(group, true) });
-                self.has_layers = !placed.is_empty();
-                Task::Peel(placed)
-            }
-            Step::Composite { group } => {
-                let [opaque, layers] = [self.has_opaque, self.has_layers].map(u32::from);
-                let surfels = (opaque * OPAQUE_SURFELS) | (layers * SEE_THROUGH_SURFELS);
-                let step = TransparentStep::new(place, group, surfels, entries, &mut chunk.upload);
-                Task::Composite { film, step }
-            }
+            Step::Paint { .. }
+            | Step::Peel { .. }
+            | Step::Composite { .. }
+            | Step::Published { part: Published::Instant, .. } => return,
             Step::Sweep { group, ref interval, .. } => {
                 Task::Sweep { film, placed: place_all(&place.sweep_job(group, interval)) }
             }
@@ -183,6 +202,8 @@ struct Round<'a> {
     groups: Vec<(Job<'a>, Batch, u32)>,
     /// The view of what is at rest at the sample position, and a batch of it.
     rest: Option<(u32, Batch)>,
+    /// What is laid over them; none where nothing is transparent.
+    over: Vec<OverGroup<'a>>,
     /// Slots and tiles of all groups, and bytes that they upload, about.
     slots: u64,
     tiles: u64,
@@ -191,7 +212,7 @@ struct Round<'a> {
 
 impl<'a> Round<'a> {
     /// Adds a group. Where it does not fit, the round goes into the chunk before, and another begins.
-    fn add(&mut self, chunk: &mut Chunk<'a>, (job, batch): (Job<'a>, Batch), shares_rest: bool, entries: u64) {
+    fn add(&mut self, chunk: &mut Chunk, (job, batch): (Job<'a>, Batch), shares_rest: bool, entries: u64) {
         if !shares_rest || batch.at_rest.1 == 0 || !self.add_sharing(chunk, job, &batch, entries) {
             self.make_room(chunk, &job, [u64::from(batch.slots), 1], entries);
             let number = self.groups.len() as u32;
@@ -201,7 +222,7 @@ impl<'a> Round<'a> {
 
     /// Adds a group that shares what is at rest with others of the sample position. False where rounds have no room for
     /// both.
-    fn add_sharing(&mut self, chunk: &mut Chunk<'a>, job: Job<'a>, batch: &Batch, entries: u64) -> bool {
+    fn add_sharing(&mut self, chunk: &mut Chunk, job: Job<'a>, batch: &Batch, entries: u64) -> bool {
         let schedule = &job.place.prepared.schedule;
         // With one other group nothing would be shared.
         if schedule.round_groups < 3 {
@@ -230,6 +251,20 @@ impl<'a> Round<'a> {
         true
     }
 
+    /// Adds a group that something transparent is laid over.
+    fn add_over(&mut self, chunk: &mut Chunk, mut over: OverGroup<'a>, entries: u64) {
+        let (job, batch) = match over.surfels.opaque.as_mut() {
+            Some((job, batches)) => (*job, batches.pop().unwrap_or_default()),
+            None => (over.job, Batch::default()),
+        };
+        self.make_room(chunk, &job, [over.most_slots(u64::from(batch.slots)), 1], entries);
+        let number = self.groups.len() as u32;
+        self.slots += over.most_slots(u64::from(batch.slots)) - u64::from(batch.slots);
+        self.bytes += over.bytes();
+        self.push(job, batch, number);
+        self.over.push(over);
+    }
+
     fn push(&mut self, job: Job<'a>, batch: Batch, rest: u32) {
         self.slots += u64::from(batch.slots);
         self.tiles += job.area.len();
@@ -238,13 +273,15 @@ impl<'a> Round<'a> {
     }
 
     /// Closes the round unless there is room for so many slots and views more, of a group.
-    fn make_room(&mut self, chunk: &mut Chunk<'a>, job: &Job<'_>, [slots, views]: [u64; 2], entries: u64) {
+    fn make_room(&mut self, chunk: &mut Chunk, job: &Job<'_>, [slots, views]: [u64; 2], entries: u64) {
         let Some((first, ..)) = self.groups.first() else { return };
         let schedule = &job.place.prepared.schedule;
         // Programs bind one part of the film, and all tiles have the same apron.
         let same_film = job.place.prepared.binds_whole_film() || first.place.film == job.place.film;
         let fits = same_film
-            && first.place.raster(false).apron() == job.place.raster(false).apron()
+            && [false, true]
+                .into_iter()
+                .all(|see_through| first.place.raster(see_through).apron() == job.place.raster(see_through).apron())
             && self.groups.len() as u64 + views <= schedule.round_groups.min(u64::from(VIEWS))
             && self.slots + slots <= schedule.round_slots
             && self.tiles + views * job.area.len() <= schedule.round_tiles;
@@ -254,13 +291,103 @@ impl<'a> Round<'a> {
     }
 
     /// Adds it to a chunk, and begins another.
-    fn close(&mut self, chunk: &mut Chunk<'a>, entries: u64) {
-        let Self { groups, .. } = std::mem::take(self);
+    fn close(&mut self, chunk: &mut Chunk, entries: u64) {
+        let Self { groups, over, .. } = std::mem::take(self);
         let Some((job, ..)) = groups.first() else { return };
         let film = job.place.film;
-        let placed = vec![chunk.upload.place_round(&groups, entries)];
-        chunk.tasks.push(Task::Paint { film, placed });
+        if over.is_empty() {
+            let placed = vec![chunk.upload.place_round(&groups, entries)];
+            chunk.tasks.push(Task::Paint { film, placed });
+        } else {
+            OverGroup::add_round(over, &groups, chunk, entries);
+        }
     }
+}
+
+/// A group that something transparent is laid over.
+struct OverGroup<'a> {
+    /// What is laid over it.
+    job: Job<'a>,
+    /// Without opaque surfels where a round has them.
+    surfels: GroupSurfels<'a>,
+    gaussians: u64,
+}
+
+impl<'a> OverGroup<'a> {
+    fn new(job: Job<'a>, mut surfels: GroupSurfels<'a>) -> Self {
+        let some = |kind: &Option<(Job<'a>, Vec<Batch>)>, flag| {
+            kind.iter().filter(|(_, batches)| !batches.is_empty()).map(|_| flag).sum::<u32>()
+        };
+        let opaque = some(&surfels.opaque, OPAQUE_SURFELS);
+        let flags = opaque | some(&surfels.see_through, SEE_THROUGH_SURFELS);
+        if let Some((job, _)) = &mut surfels.see_through {
+            job.flags = opaque;
+        }
+        let (_, gaussians) = runs(job.place.prepared, job.group);
+        Self { job: Job { flags, ..job }, surfels, gaussians: u64::from(gaussians) }
+    }
+
+    /// Can it go through the passes with others?
+    fn fits_rounds(&self) -> bool {
+        let prepared = self.job.place.prepared;
+        let GroupSurfels { opaque, see_through } = &self.surfels;
+        let one_batch = opaque.iter().chain(see_through).all(|(_, batches)| batches.len() <= 1);
+        makes_rounds(prepared.frame) && one_batch && self.gaussians <= prepared.schedule.slots
+    }
+
+    /// Most slots of any of its steps, where opaque surfels take `opaque`.
+    fn most_slots(&self, opaque: u64) -> u64 {
+        let of_layers = self.surfels.see_through.iter().flat_map(|(_, batches)| batches);
+        of_layers.map(|batch| u64::from(batch.slots)).fold(opaque.max(self.gaussians), u64::max)
+    }
+
+    /// Bytes that it uploads beside those of its opaque surfels, about.
+    fn bytes(&self) -> usize {
+        let objects = self.job.place.prepared.frame.objects.len();
+        2 * size_of::<View>() + objects * size_of::<CaptureSegment>().max(size_of::<Segment>())
+    }
+
+    /// Adds its steps to a chunk, in as many batches and slabs as it takes.
+    fn add_alone(self, chunk: &mut Chunk, entries: u64) {
+        let film = self.job.place.film;
+        let mut place = |kind: Option<(Job<'a>, Vec<Batch>)>| {
+            kind.map(|(job, batches)| chunk.upload.place(&job, &batches, entries)).unwrap_or_default()
+        };
+        let GroupSurfels { opaque, see_through } = self.surfels;
+        let placed = [place(opaque), place(see_through)];
+        add_steps(film, placed, &[self.job], chunk, entries);
+    }
+
+    /// Adds the steps of a round to a chunk. `opaque`: the opaque surfels of its groups. All steps number views and
+    /// tiles alike.
+    fn add_round(all: Vec<Self>, opaque: &[(Job<'a>, Batch, u32)], chunk: &mut Chunk, entries: u64) {
+        let film = all[0].job.place.film;
+        let mut place = |groups: &[(Job<'a>, Batch, u32)]| {
+            let some = groups.iter().any(|(_, batch, _)| batch.slots > 0);
+            some.then(|| chunk.upload.place_round(groups, entries)).into_iter().collect()
+        };
+        let placed = place(opaque);
+        let jobs: Vec<_> = all.iter().map(|over| over.job).collect();
+        let layers: Vec<_> = (0..)
+            .zip(all)
+            .filter_map(|(number, over)| {
+                let (job, mut batches) = over.surfels.see_through?;
+                Some((job, batches.pop().unwrap_or_default(), number))
+            })
+            .collect();
+        let placed = [placed, place(&layers)];
+        add_steps(film, placed, &jobs, chunk, entries);
+    }
+}
+
+/// Adds the steps of groups to a chunk: their opaque surfels, their layers, and what `jobs` composite.
+fn add_steps(film: usize, [placed, layers]: [Vec<Placed>; 2], jobs: &[Job<'_>], chunk: &mut Chunk, entries: u64) {
+    chunk.tasks.push(Task::Paint { film, placed });
+    if !layers.is_empty() {
+        chunk.tasks.push(Task::Peel(layers));
+    }
+    let step = TransparentStep::new(jobs, entries, &mut chunk.upload);
+    chunk.tasks.push(Task::Composite { film, step });
 }
 
 const _: () = assert!(size_of::<Segment>() < CHUNK_BYTES);

@@ -10,7 +10,7 @@ use super::constants::peel_constants;
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
 use super::programs::{KernelKind, Program, Slot};
-use super::recorder::{StepWork, dispatch, of_surfels};
+use super::recorder::{StepWork, of_surfels, of_views};
 use super::timestamps::Stage;
 use super::upload::Placed;
 use crate::backend::BackendError;
@@ -63,19 +63,18 @@ impl StepWork for SeeThroughStep<'_> {
 
     fn record(&self, recorder: &mut ComputePass<'_>, pass: LayerPass, batch: &Placed) {
         let SeeThroughPrograms { start, paint, resolve, left_out } = self.programs;
-        let (tiles, view) = (batch.tiles, batch.view);
         match pass {
-            LayerPass::Start => dispatch(recorder, start, tiles, view),
-            LayerPass::Visibility(_) => dispatch(recorder, &paint.visibility, tiles, view),
-            LayerPass::Second(_) => paint.second.iter().for_each(|program| dispatch(recorder, program, tiles, view)),
+            LayerPass::Start => of_views(recorder, start, batch),
+            LayerPass::Visibility(_) => of_views(recorder, &paint.visibility, batch),
+            LayerPass::Second(_) => paint.second.iter().for_each(|program| of_views(recorder, program, batch)),
             LayerPass::Attribute(layer) => {
                 if layer == 0 || !self.in_one_batch {
                     of_surfels(recorder, &paint.splat_values, batch);
                 }
-                dispatch(recorder, &paint.attribute, tiles, view);
+                of_views(recorder, &paint.attribute, batch);
             }
-            LayerPass::Resolve(_) => dispatch(recorder, resolve, tiles, view),
-            LayerPass::LeftOut => dispatch(recorder, left_out, tiles, view),
+            LayerPass::Resolve(_) => of_views(recorder, resolve, batch),
+            LayerPass::LeftOut => of_views(recorder, left_out, batch),
         }
     }
 }

@@ -3,8 +3,8 @@
 
 use wgpu::ComputePass;
 
-use super::bind::{BoundProgram, FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
-use super::recorder::{StepWork, dispatch, of_surfels};
+use super::bind::{FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
+use super::recorder::{StepWork, dispatch, in_stretches, of_surfels};
 use super::timestamps::Stage;
 use super::upload::Placed;
 use crate::plan::{MapPass, PublishedSweepPass, SweepPass};
@@ -33,20 +33,13 @@ impl StepWork for SweepStep<'_> {
     fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Placed) {
         let (tiles, view) = (batch.tiles, batch.view);
         match pass {
-            SweepPass::Visibility => stretches(recorder, &self.programs.visibility, batch),
+            SweepPass::Visibility => in_stretches(recorder, &self.programs.visibility, batch),
             SweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
-                stretches(recorder, &self.programs.attribute, batch);
+                in_stretches(recorder, &self.programs.attribute, batch);
             }
             SweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
         }
-    }
-}
-
-/// One dispatch for each stretch of the lists.
-fn stretches(recorder: &mut ComputePass<'_>, program: &BoundProgram, batch: &Placed) {
-    for view in [batch.view].iter().chain(&batch.later) {
-        dispatch(recorder, program, batch.tiles, *view);
     }
 }
 
@@ -100,7 +93,7 @@ impl StepWork for PublishedSweepStep<'_> {
         match pass {
             PublishedSweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
-                stretches(recorder, &self.programs.attribute, batch);
+                in_stretches(recorder, &self.programs.attribute, batch);
             }
             PublishedSweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
         }

@@ -13,6 +13,7 @@ pub(super) const FILTERED: &str = wgsl!("paint/filtered.wgsl");
 pub(super) const PROJECT: &str = wgsl!(
     "common/types.wgsl",
     "common/views.wgsl",
+    "common/work.wgsl",
     "common/segment.wgsl",
     "common/fast.wgsl",
     "common/wanted.wgsl",
@@ -49,6 +50,7 @@ pub(super) const SECOND_BY_PIXELS: &str =
 pub(super) const VALUES: &str = wgsl!(
     "common/types.wgsl",
     "common/views.wgsl",
+    "common/work.wgsl",
     "common/segment.wgsl",
     "common/fast.wgsl",
     "common/channels.wgsl",
@@ -88,6 +90,7 @@ pub(super) const RESOLVE: &str = wgsl!(
 pub(super) const SWEEP: &str = wgsl!(
     "common/types.wgsl",
     "common/view.wgsl",
+    "common/work.wgsl",
     "common/segment.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
@@ -125,6 +128,7 @@ pub(super) const MAP: &str = wgsl!("common/types.wgsl", "common/view.wgsl", "pub
 pub(super) const PUBLISHED_SWEEP: &str = wgsl!(
     "common/types.wgsl",
     "common/view.wgsl",
+    "common/work.wgsl",
     "common/segment.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
@@ -171,7 +175,8 @@ pub(super) const PUBLISHED_RESOLVE: &str = wgsl!(
 );
 pub(super) const GAUSSIAN_PROJECT: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
+    "common/work.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/srgb.wgsl",
@@ -183,7 +188,7 @@ pub(super) const GAUSSIAN_PROJECT: &str = wgsl!(
 );
 pub(super) const GATHER: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/gaussian.wgsl",
@@ -191,7 +196,7 @@ pub(super) const GATHER: &str = wgsl!(
 );
 pub(super) const COMPOSITE: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/wanted.wgsl",
     "common/hit.wgsl",
@@ -203,7 +208,7 @@ pub(super) const COMPOSITE: &str = wgsl!(
 );
 pub(super) const TRANSPARENT_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/srgb.wgsl",
     "common/wanted.wgsl",
@@ -212,7 +217,7 @@ pub(super) const TRANSPARENT_RESOLVE: &str = wgsl!(
 
 pub(super) const PEEL: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",

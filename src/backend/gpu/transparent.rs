@@ -5,7 +5,8 @@
 //! have slots.
 //!
 //! All Gaussians of a sample are on the device, 68 bytes each; a binding must hold their splats, else the frame is
-//! refused. Static captures are projected and sorted anew at each sample.
+//! refused. Static captures are projected and sorted anew at each sample. Groups of one sample each go through the
+//! passes together as far as there is room: their Gaussians are sorted by depth, and then by group.
 
 use std::f32::consts::{LOG2_E, TAU};
 
@@ -17,15 +18,15 @@ use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{Job, JobPlace};
 use super::layout::{
     CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
-    FLAG_LIT, FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
+    FLAG_LIT, FLAG_VOLUME, IN_STRETCHES, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
-use super::recorder::{Recorder, dispatch};
+use super::recorder::{Recorder, dispatch, in_stretches, of_buffers};
 #[cfg(test)]
 use super::timestamps::Marks;
 use super::timestamps::Stage;
-use super::upload::{Placed, Upload};
+use super::upload::{Placed, SurfelDispatch, Tables, Upload, join_films};
 use crate::backend::BackendError;
 use crate::film::{Aov, Blending};
 use crate::frame::{Frame, PosedGroup};
@@ -53,16 +54,17 @@ impl Binder<'_> {
         prepared: &Prepared<'_>,
         emitted: usize,
     ) -> Result<TransparentPrograms, BackendError> {
-        let Prepared { frame, channels, planes, gaussian_buffers, .. } = prepared;
+        let Prepared { frame, gaussian_buffers, .. } = prepared;
         let none = Constants::new();
         let velocity = vec![("VELOCITY", u32::from(frame.aovs.contains(&Aov::Velocity)))];
         Ok(TransparentPrograms {
             project: self.of_models(Program::GaussianProject, &velocity, 1, gaussian_buffers)?,
             emit: self.program(Program::BinEmit, &none, emitted, &[])?,
             sort: (0..ROUNDS).map(|round| self.round(round, round % 2)).collect::<Result<_, _>>()?,
+            sort_by_view: [self.round_by(&vec![("BY_VIEW", 1)], 0)?],
             gather: self.program(Program::Gather, &none, 0, &[])?,
             // Sorted lists are in the first buffers.
-            composite: self.program(Program::Composite, &composite_constants(frame, channels, planes), 1, &[])?,
+            composite: self.program(Program::Composite, &composite_constants(prepared), 1, &[])?,
         })
     }
 
@@ -155,45 +157,66 @@ fn backdrop(frame: &Frame) -> DeviceBackground {
     }
 }
 
-/// Step `Composite` of one group, whose samples are uploaded.
+/// Step `Composite`, of one group sample by sample, or of a round of groups that have one sample each.
 #[derive(Debug)]
-pub(in crate::backend) struct TransparentStep<'a> {
-    runs: Vec<Run<'a>>,
+pub(in crate::backend) struct TransparentStep {
     samples: Vec<PlacedSample>,
-    tiles: [u32; 2],
 }
 
-/// A sample of a group, as it was uploaded. Places are those of uniforms.
+/// A sample of each group of a round, as they were uploaded.
 #[derive(Debug)]
 struct PlacedSample {
-    /// The view of all Gaussians.
-    view: u32,
-    /// Slabs of depth, the nearest first.
+    /// Slabs of depth, the nearest first. Each has the views of all groups; a round of several groups has one slab.
     slabs: Vec<Placed>,
+    /// What projects Gaussians at the middles of groups, and at the samples themselves.
+    middle: Vec<SurfelDispatch>,
+    own: Vec<SurfelDispatch>,
+    /// Gaussians of all groups.
+    slots: u32,
+    /// Where the background and the totals of the sort of depths are, bytes.
     backdrop: u32,
-    /// The segments of runs: at the group's middle, and at the sample.
-    middle: Vec<u32>,
-    own: Vec<u32>,
-    /// The totals of the sort of depths.
     totals: u32,
 }
 
-impl<'a> TransparentStep<'a> {
-    /// Uploads a group. `surfels`: which surfels there are, in bits of [`View::flags`].
-    pub(in crate::backend) fn new(
-        place: JobPlace<'a>,
-        group: usize,
-        surfels: u32,
-        entries: u64,
+/// A group whose Gaussians are uploaded.
+struct Part<'a> {
+    job: Job<'a>,
+    runs: Vec<Run<'a>>,
+    /// Gaussians of all runs.
+    slots: u32,
+    /// Its first light.
+    light: u32,
+}
+
+impl<'a> Part<'a> {
+    fn new(job: Job<'a>, upload: &mut Upload) -> Self {
+        let (runs, slots) = runs(job.place.prepared, job.group);
+        Self { job, runs, slots, light: upload.add_lights(&job.group.samples) }
+    }
+
+    /// Adds its segments at a sample, as view `number`, to `tables`.
+    fn add_segments(
+        &self,
+        (sample, keeps_layers): (usize, bool),
+        (number, first_slot): (usize, u32),
+        tables: &mut Tables,
         upload: &mut Upload,
-    ) -> Self {
-        let job = Job { flags: surfels, ..place.job(group) };
-        let (runs, slots) = runs(place.prepared, job.group);
-        let light = upload.add_lights(&job.group.samples);
-        let of = Uploaded { job, runs: &runs, slots, light, entries };
-        let middle = job.group.samples.len() / 2;
-        let samples = (0..job.group.samples.len()).map(|sample| of.sample([middle, sample], upload)).collect();
-        Self { samples, tiles: place.area().tiles, runs }
+    ) {
+        for run in &self.runs {
+            let own = segment(&self.job.place, self.job.group, sample, run, (keeps_layers, self.light));
+            let own = CaptureSegment { view: number as u32, first_slot: first_slot + run.first_slot, ..own };
+            tables.add([run.object, run.buffer], upload.add_capture(&own), run.count);
+        }
+    }
+}
+
+impl TransparentStep {
+    /// Uploads a round of groups of one sample each, or one group of several. Flags of jobs say which surfels there
+    /// are. `entries`: those that there is room for.
+    pub(in crate::backend) fn new(jobs: &[Job<'_>], entries: u64, upload: &mut Upload) -> Self {
+        let parts: Vec<_> = jobs.iter().map(|&job| Part::new(job, upload)).collect();
+        let samples = jobs.iter().map(|job| job.group.samples.len()).max().unwrap_or(0);
+        Self { samples: (0..samples).map(|sample| PlacedSample::new(&parts, sample, entries, upload)).collect() }
     }
 
     /// Records all passes of all samples. A group has the order of its middle.
@@ -201,9 +224,9 @@ impl<'a> TransparentStep<'a> {
         for (number, sample) in self.samples.iter().enumerate() {
             for pass in CompositePass::order(number == 0, self.samples.len() > 1) {
                 match pass {
-                    CompositePass::ProjectMiddle => self.project(recorder, programs, sample.view, &sample.middle),
-                    CompositePass::Sort => self.sort(recorder, programs, sample),
-                    CompositePass::Project => self.project(recorder, programs, sample.view, &sample.own),
+                    CompositePass::ProjectMiddle => sample.project(recorder, programs, &sample.middle),
+                    CompositePass::Sort => sample.sort(recorder, programs),
+                    CompositePass::Project => sample.project(recorder, programs, &sample.own),
                     CompositePass::Composite => {
                         // Lists of a slab are composited before those of the next are made.
                         for (number, slab) in (1..).zip(&sample.slabs) {
@@ -211,10 +234,9 @@ impl<'a> TransparentStep<'a> {
                             for pass in SlabPass::order(number == sample.slabs.len()) {
                                 match pass {
                                     SlabPass::Composite => {
-                                        let mut pass = recorder.pass(Stage::Composite);
-                                        dispatch(&mut pass, &programs.composite, slab.tiles, slab.view);
+                                        in_stretches(&mut recorder.pass(Stage::Composite), &programs.composite, slab);
                                     }
-                                    SlabPass::Resolve => self.resolve(recorder, film, sample),
+                                    SlabPass::Resolve => sample.resolve(recorder, film, slab),
                                 }
                             }
                         }
@@ -224,35 +246,104 @@ impl<'a> TransparentStep<'a> {
             recorder.flush_if_long();
         }
     }
+}
 
-    /// Records pass `project` of the runs whose segments are at these places.
-    fn project(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, view: u32, segments: &[u32]) {
-        let mut pass = recorder.pass(Stage::Project);
-        for (run, &segment) in self.runs.iter().zip(segments) {
-            let program = &programs.project[run.object][run.buffer];
-            program.dispatch(&mut pass, &[view, segment], [run.count.div_ceil(256), 1, 1]);
+impl PlacedSample {
+    /// Uploads sample `sample` of each group, in the order of depth of the group's middle.
+    fn new(parts: &[Part<'_>], sample: usize, entries: u64, upload: &mut Upload) -> Self {
+        let mut views = Vec::new();
+        let [mut middles, mut own] = [Tables::default(), Tables::default()];
+        let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
+        for (number, part) in parts.iter().enumerate() {
+            let (job, samples) = (&part.job, &part.job.group.samples);
+            let of_group = job.view(entries);
+            views.push(View {
+                weight: samples[sample].weight,
+                first_light: part.light + of_group.first_light,
+                views: placed.views,
+                number: number as u32,
+                first_tile: placed.round_tiles,
+                first_slot: placed.slots,
+                ..of_group
+            });
+            let as_view = (number, placed.slots);
+            part.add_segments((samples.len() / 2, false), as_view, &mut middles, upload);
+            if samples.len() > 1 {
+                part.add_segments((sample, true), as_view, &mut own, upload);
+            }
+            placed.slots += part.slots;
+            placed.round_tiles += of_group.round_tiles;
+            placed.tiles = [0, 1].map(|i| placed.tiles[i].max(of_group.tiles[i]));
         }
+        join_films(&mut views);
+        let (slots, prepared) = (placed.slots, parts[0].job.place.prepared);
+        // A round of several groups has room for all.
+        let most = match parts {
+            [_] => prepared.schedule.slots.min(u64::from(u32::MAX)) as u32,
+            _ => u32::MAX,
+        };
+        let longest = parts.iter().map(|part| part.slots.min(most)).max().unwrap_or(0);
+        let stretches = u64::from(longest).div_ceil(prepared.stretch).max(1) as u32;
+        let mut slab = |first: u32| {
+            let slots = most.min(slots - first);
+            let is_last = first.saturating_add(most) >= placed.slots;
+            let mut of_stretch = |stretch: u32| {
+                let of_view = |view: &View| View {
+                    first_place: first,
+                    slots,
+                    round_tiles: placed.round_tiles,
+                    resumes: u32::from(first > 0 || stretch > 0),
+                    stretch,
+                    flags: view.flags | IN_STRETCHES | (u32::from(is_last && stretch + 1 == stretches) * LAST_SLAB),
+                    ..*view
+                };
+                upload.add_views(&views.iter().map(of_view).collect::<Vec<_>>())
+            };
+            let view = of_stretch(0);
+            Placed { view, later: (1..stretches).map(of_stretch).collect(), slots, ..placed.clone() }
+        };
+        // Groups without Gaussians have a slab, too: their opaque pictures go to the film.
+        let slabs = (0..slots.max(1)).step_by(most as usize).map(&mut slab).collect();
+        let totals: [u32; 4] = [slots.div_ceil(WORKGROUP_ITEMS), 1, 1, slots];
+        Self {
+            slabs,
+            middle: upload.add_tables(&middles),
+            own: upload.add_tables(&own),
+            slots,
+            backdrop: upload.add_uniform(bytemuck::bytes_of(&backdrop(prepared.frame))),
+            totals: upload.add_uniform(bytemuck::cast_slice(&totals)),
+        }
+    }
+
+    /// Records pass `project`.
+    fn project(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, dispatches: &[SurfelDispatch]) {
+        of_buffers(&mut recorder.pass(Stage::Project), &programs.project, self.slabs[0].view, dispatches);
     }
 
     /// Records pass `sort`, by the depths that were projected last.
-    fn sort(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, sample: &PlacedSample) {
-        let slots: u32 = self.runs.iter().map(|run| run.count).sum();
-        if slots == 0 {
+    fn sort(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms) {
+        if self.slots == 0 {
             return;
         }
         let state = recorder.state;
-        let b = &state.buffers;
+        let (b, &Placed { view, views, .. }) = (&state.buffers, &self.slabs[0]);
         // Pass `bin` writes its own.
-        recorder.encoder.copy_buffer_to_buffer(&b.uniforms, u64::from(sample.totals), &b.totals, 0, TOTALS_BYTES);
-        state.sort(&mut recorder.pass(Stage::Sort), &programs.sort, sample.view);
-        recorder.encoder.copy_buffer_to_buffer(&b.lists[0], 0, &b.order, 0, 4 * u64::from(slots));
+        recorder.encoder.copy_buffer_to_buffer(&b.uniforms, u64::from(self.totals), &b.totals, 0, TOTALS_BYTES);
+        let several = usize::from(views > 1);
+        {
+            let pass = &mut recorder.pass(Stage::Sort);
+            state.sort(pass, &programs.sort, view);
+            state.sort(pass, &programs.sort_by_view[..several], view);
+        }
+        // A round more ends in the other buffers.
+        recorder.encoder.copy_buffer_to_buffer(&b.lists[several], 0, &b.order, 0, 4 * u64::from(self.slots));
     }
 
     /// Records pass `resolve`.
-    fn resolve(&self, recorder: &mut Recorder<'_>, film: &FilmPart, sample: &PlacedSample) {
+    fn resolve(&self, recorder: &mut Recorder<'_>, film: &FilmPart, slab: &Placed) {
         let mut pass = recorder.pass(Stage::Resolve);
         if let Some(over) = &film.over {
-            over.dispatch(&mut pass, &[sample.view, sample.backdrop], [self.tiles[0], self.tiles[1], 1]);
+            over.dispatch(&mut pass, &[slab.view, self.backdrop], [slab.tiles[0], slab.tiles[1], slab.views]);
         }
     }
 }
@@ -262,67 +353,6 @@ fn list(recorder: &mut Recorder<'_>, programs: &TransparentPrograms, slab: &Plac
     let groups = [slab.slots.div_ceil(WORKGROUP_ITEMS), 1];
     dispatch(&mut recorder.pass(Stage::Bin), &programs.gather, groups, slab.view);
     recorder.bin(&programs.emit, slab);
-}
-
-/// A group that is uploaded, sample by sample.
-#[derive(Clone, Copy)]
-struct Uploaded<'a> {
-    job: Job<'a>,
-    runs: &'a [Run<'a>],
-    /// Gaussians of all runs.
-    slots: u32,
-    /// Its first light.
-    light: u32,
-    /// Entries that there is room for.
-    entries: u64,
-}
-
-impl Uploaded<'_> {
-    /// Uploads a sample, in the order of depth of sample `middle`.
-    fn sample(&self, [middle, sample]: [usize; 2], upload: &mut Upload) -> PlacedSample {
-        let Job { place, group, .. } = self.job;
-        let of_group = self.job.view(self.entries);
-        let all = View {
-            slots: self.slots,
-            weight: group.samples[sample].weight,
-            first_light: self.light + of_group.first_light,
-            ..of_group
-        };
-        let most = place.prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
-        let mut slab = |first: u32| {
-            let view = View {
-                first_place: first,
-                slots: most.min(self.slots - first),
-                resumes: u32::from(first > 0),
-                flags: all.flags | (u32::from(first.saturating_add(most) >= self.slots) * LAST_SLAB),
-                ..all
-            };
-            Placed {
-                view: upload.add_views(&[view]),
-                views: 1,
-                later: Vec::new(),
-                slots: view.slots,
-                tiles: view.tiles,
-                round_tiles: view.round_tiles,
-                surfels: Vec::new(),
-            }
-        };
-        // A group without Gaussians has a slab, too: its opaque picture goes to the film.
-        let slabs = (0..self.slots.max(1)).step_by(most as usize).map(&mut slab).collect();
-        let totals: [u32; 4] = [self.slots.div_ceil(WORKGROUP_ITEMS), 1, 1, self.slots];
-        let mut segments = |sample, keeps_layers| {
-            let segment = |run| segment(&place, group, sample, run, (keeps_layers, self.light));
-            self.runs.iter().map(|run| upload.add_uniform(bytemuck::bytes_of(&segment(run)))).collect()
-        };
-        PlacedSample {
-            slabs,
-            middle: segments(middle, false),
-            own: segments(sample, true),
-            view: upload.add_views(&[all]),
-            backdrop: upload.add_uniform(bytemuck::bytes_of(&backdrop(place.prepared.frame))),
-            totals: upload.add_uniform(bytemuck::cast_slice(&totals)),
-        }
-    }
 }
 
 const _: () = assert!(size_of::<DeviceGaussian>() == size_of::<crate::layout::Splat>());
@@ -336,22 +366,21 @@ impl super::Gpu {
         let position = &frame.rasters[0].positions[0];
         let band = prepared.schedule.bands(0).next().unwrap();
         let place = JobPlace { prepared: &prepared, position, raster: 0, band, film: 0, film_tile: 0 };
-        let (mut upload, job) = (Upload::default(), place.job(0));
-        let (runs, slots) = runs(&prepared, job.group);
-        let light = upload.add_lights(&job.group.samples);
-        let entries = self.state.buffers.entries;
-        let of = Uploaded { job, runs: &runs, slots, light, entries };
-        let sample = of.sample([0, 0], &mut upload);
+        let mut upload = Upload::default();
+        let part = Part::new(place.job(0), &mut upload);
+        let mut tables = Tables::default();
+        part.add_segments((0, false), (0, 0), &mut tables, &mut upload);
+        let dispatches = upload.add_tables(&tables);
+        let sample = PlacedSample::new(&[part], 0, self.state.buffers.entries, &mut upload);
         let programs = self.bind(&prepared, &upload).unwrap();
         upload.write(&self.state);
         let mut marks = Marks::new(&self.state.device).unwrap();
         let (state, encoder) = (&self.state, self.state.encoder());
         let mut recorder = Recorder::new(state, &programs, &mut marks, encoder);
-        let step = TransparentStep { samples: Vec::new(), tiles: place.area().tiles, runs };
-        step.project(&mut recorder, programs.transparent.as_ref().unwrap(), sample.view, &sample.middle);
+        sample.project(&mut recorder, programs.transparent.as_ref().unwrap(), &dispatches);
         recorder.flush();
         self.state.device.check().unwrap();
-        slots as usize
+        sample.slots as usize
     }
 
     /// Makes room for a sort of `entries` entries.

@@ -2,7 +2,6 @@
 //! It is uploaded once, before the chunk is submitted.
 
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 
 use bytemuck::Zeroable;
 
@@ -11,7 +10,9 @@ use super::batches::Batch;
 use super::buffers::{Buffers, TABLE_BYTES, grow};
 use super::device::Device;
 use super::job::Job;
-use super::layout::{Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, View, WORKGROUP_SURFELS, WORKGROUPS, lights};
+use super::layout::{
+    CaptureSegment, Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, View, WORKGROUP_SURFELS, WORKGROUPS, lights,
+};
 use crate::backend::BackendError;
 use crate::frame::PosedSample;
 use crate::plan::PosedInterval;
@@ -34,7 +35,7 @@ pub(in crate::backend) struct Placed {
     pub surfels: Vec<SurfelDispatch>,
 }
 
-/// A dispatch over segments of one surfel buffer.
+/// A dispatch over segments of one buffer of a model.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct SurfelDispatch {
     pub object: usize,
@@ -50,6 +51,7 @@ pub(in crate::backend) struct Upload {
     views: Vec<u8>,
     uniforms: Vec<u8>,
     segments: Vec<Segment>,
+    captures: Vec<CaptureSegment>,
     lights: Vec<Light>,
     moments: Vec<f32>,
 }
@@ -76,11 +78,30 @@ struct Part<'a> {
     rest: u32,
 }
 
+/// For each buffer of each object, the workgroups of its segments.
+#[derive(Default)]
+pub(in crate::backend) struct Tables {
+    tables: Vec<([usize; 2], Vec<[u32; 2]>)>,
+    places: HashMap<[usize; 2], usize>,
+}
+
+impl Tables {
+    /// Adds segment `index`, of so many surfels or Gaussians of a buffer of an object.
+    pub(in crate::backend) fn add(&mut self, buffer: [usize; 2], index: u32, count: u32) {
+        let at = *self.places.entry(buffer).or_insert_with(|| {
+            self.tables.push((buffer, Vec::new()));
+            self.tables.len() - 1
+        });
+        self.tables[at].1.extend((0..count.div_ceil(WORKGROUP_SURFELS)).map(|place| [index, place]));
+    }
+}
+
 impl Upload {
     /// Bytes so far.
     pub(in crate::backend) fn bytes(&self) -> usize {
-        let Self { views, uniforms, segments, lights, moments } = self;
-        views.len() + uniforms.len() + size_of_val(&segments[..]) + size_of_val(&lights[..]) + size_of_val(&moments[..])
+        let Self { views, uniforms, segments, captures, lights, moments } = self;
+        let poses = size_of_val(&segments[..]) + size_of_val(&captures[..]);
+        views.len() + uniforms.len() + poses + size_of_val(&lights[..]) + size_of_val(&moments[..])
     }
 
     /// Adds views that are bound together. Returns where they begin, bytes.
@@ -98,6 +119,12 @@ impl Upload {
         let first = self.lights.len() as u32;
         self.lights.extend(lights(samples));
         first
+    }
+
+    /// Adds the segment of a capture or volume. Returns its index.
+    pub(in crate::backend) fn add_capture(&mut self, segment: &CaptureSegment) -> u32 {
+        self.captures.push(*segment);
+        self.captures.len() as u32 - 1
     }
 
     /// Makes room for the segments of a group's batches.
@@ -140,9 +167,7 @@ impl Upload {
     fn place_parts(&mut self, parts: &[Part<'_>], entries: u64) -> Placed {
         let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
         let mut views = Vec::new();
-        // For each surfel buffer of each object, the workgroups of its segments.
-        let mut tables: Vec<([usize; 2], Vec<[u32; 2]>)> = Vec::new();
-        let mut places = HashMap::new();
+        let mut tables = Tables::default();
         for (number, part) in parts.iter().enumerate() {
             let &Part { job, batch, of_group, is_whole, resumes, first_turn, rest } = part;
             let own = job.view(entries);
@@ -154,6 +179,8 @@ impl Upload {
                 first_light: of_group.light + own.first_light,
                 views: placed.views,
                 number: number as u32,
+                // What something transparent is laid over has a picture of its own.
+                film_tile: if job.place.prepared.frame.blending.is_some() { placed.round_tiles } else { own.film_tile },
                 first_tile: placed.round_tiles,
                 first_slot: placed.slots,
                 first_segment: of_group.segment,
@@ -171,14 +198,7 @@ impl Upload {
                     view: number as u32,
                     ..*segment
                 };
-                let at = match places.entry([*object, *buffer]) {
-                    Entry::Occupied(place) => *place.get(),
-                    Entry::Vacant(place) => {
-                        tables.push((*place.key(), Vec::new()));
-                        *place.insert(tables.len() - 1)
-                    }
-                };
-                tables[at].1.extend((0..segment.surfels.div_ceil(WORKGROUP_SURFELS)).map(|place| [index, place]));
+                tables.add([*object, *buffer], index, segment.surfels);
             }
             placed.slots += batch.slots;
             placed.round_tiles += own.tiles[0] * own.tiles[1];
@@ -194,17 +214,24 @@ impl Upload {
             let later = (1..stretches).map(|stretch| self.add_views(&[View { resumes: 1, stretch, ..view }]));
             placed.later = later.collect();
         }
-        for ([object, buffer], workgroups) in tables {
+        placed.surfels = self.add_tables(&tables);
+        placed
+    }
+
+    /// Adds tables of workgroups. Returns their dispatches.
+    pub(in crate::backend) fn add_tables(&mut self, tables: &Tables) -> Vec<SurfelDispatch> {
+        let mut dispatches = Vec::new();
+        for ([object, buffer], workgroups) in &tables.tables {
             for table in workgroups.chunks(WORKGROUPS) {
-                placed.surfels.push(SurfelDispatch {
-                    object,
-                    buffer,
+                dispatches.push(SurfelDispatch {
+                    object: *object,
+                    buffer: *buffer,
                     table: self.add_uniform(bytemuck::cast_slice(table)),
                     workgroups: table.len() as u32,
                 });
             }
         }
-        placed
+        dispatches
     }
 
     /// Is there room for it?
@@ -212,6 +239,7 @@ impl Upload {
         buffers.views.size() >= self.views.len() as u64 + VIEW_BYTES
             && buffers.uniforms.size() >= self.uniforms.len() as u64 + TABLE_BYTES
             && buffers.segments.size() >= size_of_val(&self.segments[..]) as u64
+            && buffers.capture_segments.size() >= size_of_val(&self.captures[..]) as u64
             && buffers.lights.size() >= size_of_val(&self.lights[..]) as u64
             && buffers.moments.size() >= size_of_val(&self.moments[..]) as u64
     }
@@ -231,6 +259,8 @@ impl Upload {
         grow(device, &mut buffers.views, "views", self.views.len() as u64 + VIEW_BYTES)?;
         grow(device, &mut buffers.uniforms, "tables", self.uniforms.len() as u64 + TABLE_BYTES)?;
         grow(device, &mut buffers.segments, "segments", size_of_val(&self.segments[..]) as u64)?;
+        let bytes = size_of_val(&self.captures[..]) as u64;
+        grow(device, &mut buffers.capture_segments, "segments of captures", bytes)?;
         grow(device, &mut buffers.lights, "lights", size_of_val(&self.lights[..]) as u64)?;
         grow(device, &mut buffers.moments, "moments", size_of_val(&self.moments[..]) as u64)
     }
@@ -238,14 +268,15 @@ impl Upload {
     /// Writes it, before what is submitted next.
     pub(in crate::backend) fn write(&self, state: &DeviceState) {
         let (device, buffers) = (&state.device, &state.buffers);
-        let parts: [(&wgpu::Buffer, &[u8]); 5] = [
+        let parts: [(&wgpu::Buffer, &[u8]); 6] = [
             (&buffers.views, &self.views),
             (&buffers.uniforms, &self.uniforms),
             (&buffers.segments, bytemuck::cast_slice(&self.segments)),
+            (&buffers.capture_segments, bytemuck::cast_slice(&self.captures)),
             (&buffers.lights, bytemuck::cast_slice(&self.lights)),
             (&buffers.moments, bytemuck::cast_slice(&self.moments)),
         ];
-        for (buffer, bytes) in parts {
+        for (buffer, bytes) in parts.into_iter().filter(|(_, bytes)| !bytes.is_empty()) {
             device.write(buffer, 0, bytes);
         }
     }
@@ -260,7 +291,7 @@ fn append(to: &mut Vec<u8>, bytes: &[u8]) -> u32 {
 }
 
 /// Finds the views that add to the same part of the film. They follow each other.
-fn join_films(views: &mut [View]) {
+pub(in crate::backend) fn join_films(views: &mut [View]) {
     let mut first = 0;
     for number in 0..views.len() {
         if views[number].film_tile != views[first].film_tile {

@@ -10,7 +10,7 @@ use crate::options::{BlurMode, Interleave, Look, PixelFilter, Prefilter, RenderO
 use crate::scene::{Capture, Light, Motion, Object, Scene, Shape};
 
 /// `n` Gaussians of all sizes in a cube; some are as wide as an image, and some too faint to show.
-fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
+pub(in crate::backend) fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
     let mut random = Random(seed);
     let mut out = Gaussians { degree, linear, ..Gaussians::default() };
     for i in 0..n {
@@ -179,7 +179,9 @@ pub(super) fn captures() -> Vec<Case> {
     // A light from behind, which what has no normal must not reflect.
     lit.lights.push(Light::Directional { direction: DVec3::Z, colour: DVec3::splat(0.8) });
     lit.objects[1].shape.set_material(Material { specular: 0.6, shininess: 2.0, ..Material::default() });
-    let linear_lit = mixed(volume(300, 13, 0.1, true), volume(300, 14, 0.2, true), [70, 45]);
+    let linear_lit = mixed(volume(300, 13, 0.1, true), volume(300, 14, 0.2, true), [65, 45]);
+    let mut rolling = with_glass(&foggy);
+    rolling.shutter.readout = "0.8,left".parse().unwrap();
     let mut dense = foggy.clone();
     dense.objects[1].opacity = 1e16;
     // Kernels around the eye, as wide as they are far.
@@ -252,6 +254,7 @@ pub(super) fn captures() -> Vec<Case> {
         case("glass, large", &with_glass(&large), options(bucket)),
         case("glass, nested", &nested(), RenderOptions { prefilter: Prefilter::Ewa, ..options(still) }),
         in_part("glass, in part", &with_glass(&foggy), point(BlurMode::supersample(2))),
+        in_part("rolling, in part", &rolling, point(BlurMode::supersample(2))),
         in_part("volume, in part", &foggy, point(bucket)),
         in_part("in part", &coded, point(BlurMode::supersample(2))),
         in_part("in part, large", &large, point(still)),

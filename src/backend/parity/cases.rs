@@ -17,6 +17,7 @@ use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Sce
 use crate::time::{Shutter, Weight};
 
 /// A scene and how it is rendered.
+#[derive(Clone)]
 pub(super) struct Case {
     pub name: &'static str,
     pub scene: Scene,

@@ -9,7 +9,7 @@
 //! (`small_buffers`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
-mod captures;
+pub(super) mod captures;
 pub(super) mod cases;
 mod compare;
 mod ewa_twins;

@@ -51,7 +51,7 @@ static MUTANTS: [Mutant; 53] = [
     ([("area * segment.handedness < 0.0", "area * segment.handedness > 0.0")], "supersample"),
     ([("view.axis - view.offset", "view.axis")], "hard"),
     ([("sorted_keys[middle] < tile", "sorted_keys[middle] <= tile")], "supersample"),
-    ([("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> 1u)")], "hard"),
+    ([("(sorted_keys[i] >> SHIFT)", "(sorted_keys[i] >> 1u)")], "hard"),
     ([("at.y += 1u", "at.y += 0u")], "hard"),
     ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
     ([("max(Floats(epsilon)", "min(Floats(epsilon)")], "supersample"),

@@ -68,7 +68,7 @@ fn broken_sorts_are_noticed() {
         [("place += select(0u, 1u, digits[before] == digit)", "place += select(0u, 1u, digits[before] > digit)")],
         [("place += entries", "place += 0u * entries")],
         [("place += digit_totals[digit]", "place += 1u")],
-        [("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> (SHIFT & 15u))")],
+        [("(sorted_keys[i] >> SHIFT)", "(sorted_keys[i] >> (SHIFT & 15u))")],
         [("histogram[at] = before + result.before.x", "histogram[at] = result.before.x")],
     ];
     let Some(mut gpu) = gpu_or_skip("broken_sorts_are_noticed") else { return };

@@ -7,6 +7,7 @@ use wgpu::{BackendOptions, Backends, DeviceType, Instance, InstanceDescriptor, I
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::device::{Device, UNCHECKED};
 use crate::backend::gpu::programs::Pipelines;
+use crate::backend::parity::captures;
 use crate::backend::parity::cases::{ball, object, scene};
 use crate::backend::{Backend, GpuCalls};
 use crate::model::generate;
@@ -62,6 +63,29 @@ fn a_frame_is_one_submission_of_few_dispatches() {
     let calls = steady(&mut gpu, &scene, &options);
     assert_eq!((calls.submissions, calls.waits, calls.bind_groups), (1, 1, 0), "{calls:?}");
     assert!(calls.dispatches <= 400 && calls.writes <= 8 && calls.maps <= 2, "{calls:?}");
+}
+
+/// All instants of a capture are sorted together, and what is see-through is peeled together.
+#[test]
+fn captures_are_one_submission_of_few_dispatches() {
+    let mut gpu = hardware();
+    let cloud = |seed| object(captures::cloud(20_000, seed, 1, false), DVec3::new(0.1, 0.0, -0.5));
+    let mut moving = cloud(1);
+    moving.motions = vec![Motion::Linear { velocity: 0.1 * DVec3::X }];
+    let options = RenderOptions { quality: Quality::from(BlurMode::supersample(64)), ..RenderOptions::default() };
+    let alone = scene(vec![moving, cloud(2)], [960, 540]);
+    let calls = steady(&mut gpu, &alone, &options);
+    // Eight rounds of 37 or 38 dispatches, where 64 instants took 2,000.
+    assert_eq!((calls.submissions, calls.waits, calls.bind_groups), (1, 1, 0), "{calls:?}");
+    assert!(calls.dispatches <= 320 && calls.writes <= 8 && calls.maps <= 2, "{calls:?}");
+
+    // Each layer takes five dispatches more.
+    let mut glass = object(ball(5_000, 3, false), DVec3::ZERO);
+    glass.opacity = 0.5;
+    let both = scene(vec![cloud(2), glass], [480, 270]);
+    let calls = steady(&mut gpu, &both, &options);
+    assert_eq!((calls.submissions, calls.waits, calls.bind_groups), (1, 1, 0), "{calls:?}");
+    assert!(calls.dispatches <= 560 && calls.writes <= 8, "{calls:?}");
 }
 
 /// The calls of each of some frames, of which two are under way together.

@@ -23,9 +23,9 @@ use crate::backend::cpu::transparent::project::{
     FAINTEST, FAINTEST_DEPTH, HALF_LOG2_E, LEAST_REACH, MOST_BEND, MOST_DEPTH,
 };
 use crate::backend::gpu::layout::{
-    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME, IS_REST,
-    LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES, Status, TILE, VIEWS, WIDEST,
-    WORKGROUP_ITEMS, WORKGROUPS,
+    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME,
+    IN_STRETCHES, IS_REST, LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES,
+    Status, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, WORKGROUPS,
 };
 use crate::backend::gpu::memory::MASKS;
 use crate::backend::gpu::programs::Program;
@@ -104,6 +104,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
         ("LAST_SLAB", whole(LAST_SLAB)),
         ("IS_REST", whole(IS_REST)),
+        ("IN_STRETCHES", whole(IN_STRETCHES)),
         ("LISTS_ALONE", whole(LISTS_ALONE)),
         ("MOST_PLANES", whole(FilmPlanes::of(&Aov::ALL).pooled().count)),
         ("SHARES_TILES", whole(SHARES_TILES)),

@@ -153,6 +153,7 @@ fn shared() -> Vec<(&'static str, Layout)> {
             material,
             first_light,
             lights,
+            view,
             unused
         }),
         layout!(DeviceGaussian {
