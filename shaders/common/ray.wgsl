@@ -77,5 +77,5 @@ fn slices_of(index: u32, at: u32) -> u32 {
 
 // The same of the nearest depths, which lie behind the thresholds of all tiles.
 fn nearest_of(index: u32, at: u32) -> u32 {
-    return slices_of(view.tiles.x * view.tiles.y + index, at);
+    return slices_of(view.round_tiles + index, at);
 }

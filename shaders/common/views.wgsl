@@ -1,5 +1,5 @@
-// The views of programs that work on all groups of a round at once. Each invocation works on one of them, which its
-// entry point loads. Twin: VIEWS of src/backend/gpu/layout.rs.
+// The views of a round, one for each group. Each invocation works on one of them, which its entry point loads.
+// Twin: VIEWS of src/backend/gpu/layout.rs.
 
 const VIEWS: u32 = 128u;
 @group(0) @binding(0) var<uniform> views: array<View, VIEWS>;

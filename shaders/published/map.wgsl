@@ -11,6 +11,7 @@
 
 @compute @workgroup_size(16, 16)
 fn store_map(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
-    let at = (tile.y * view.tiles.x + tile.x) * TILE_PIXELS + pixel.y * TILE + pixel.x;
+    view = views[tile.z];
+    let at = tile_of(tile.xy) * TILE_PIXELS + pixel.y * TILE + pixel.x;
     map[at] = thresholds[at];
 }

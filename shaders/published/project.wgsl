@@ -7,6 +7,7 @@
 fn published_sweep(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = surfel_of(group.x, lane);
     if index >= segment.surfels { return; }
+    view = views[segment.view];
     let slot = segment.first_slot + index;
     touched[slot] = 0u;
     var kernel = moving(index);

@@ -29,7 +29,9 @@ struct Mask {
 
 @compute @workgroup_size(16, 16)
 fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
     let at = in_tile.y * TILE + in_tile.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + at;

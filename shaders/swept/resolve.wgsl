@@ -19,21 +19,34 @@ override WEIGHT_PLANE: u32 = 3u;
 
 @compute @workgroup_size(16, 16)
 fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
-    let in_tile = pixel.y * TILE + pixel.x;
-    let covered = coverage(index, in_tile);
-    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
-    if sums[sum_at] > 0.0 {
-        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0, false));
+    let end = tile.z + views[tile.z].same_film;
+    for (var number = tile.z; number < end; number += 1u) {
+        view = views[number];
+        if !has_tile(tile.xy) { continue; }
+        let index = tile_of(tile.xy);
+        let in_tile = pixel.y * TILE + pixel.x;
+        let covered = coverage(index, in_tile);
+        let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
+        if sums[sum_at] > 0.0 {
+            add_pixel(film_tile_of(tile.xy), tile.xy, pixel.xy, sum_at, Share(covered, 1.0, false));
+        }
     }
 }
 
 @compute @workgroup_size(16, 16)
 fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
-    let in_tile = pixel.y * TILE + pixel.x;
+    let end = tile.z + views[tile.z].same_film;
+    for (var number = tile.z; number < end; number += 1u) {
+        view = views[number];
+        if has_tile(tile.xy) { pool_interval(tile.xy, pixel.y * TILE + pixel.x); }
+    }
+}
+
+// Adds pixel `in_tile` of a tile of the view.
+fn pool_interval(tile: vec2<u32>, in_tile: u32) {
+    let index = tile_of(tile);
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
-    let at = index * PLANES * TILE_PIXELS + in_tile;
+    let at = film_tile_of(tile) * PLANES * TILE_PIXELS + in_tile;
     let weight = view.weight;
     film[at + WEIGHT_PLANE * TILE_PIXELS] += weight * sums[sum_at];
     add(at, mean(sum_at, 1u, 1.0), Share(1.0, weight, false));
@@ -54,11 +67,9 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
 
 // Clamps the coverage, and divides the other planes by the sum of weights.
 @compute @workgroup_size(16, 16)
-fn finish(
-    @builtin(workgroup_id) tile: vec3<u32>, @builtin(num_workgroups) tiles: vec3<u32>,
-    @builtin(local_invocation_id) pixel: vec3<u32>,
-) {
-    let at = (tile.y * tiles.x + tile.x) * PLANES * TILE_PIXELS + pixel.y * TILE + pixel.x;
+fn finish(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
+    view = views[0];
+    let at = film_tile_of(tile.xy) * PLANES * TILE_PIXELS + pixel.y * TILE + pixel.x;
     let alpha = min(film[at + 3u * TILE_PIXELS], 1.0);
     let total = film[at + WEIGHT_PLANE * TILE_PIXELS];
     let scale = select(0.0, alpha / total, total > 0.0);

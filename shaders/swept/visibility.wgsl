@@ -16,7 +16,9 @@
 
 @compute @workgroup_size(16, 16)
 fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
+    view = views[tile.z];
+    if !has_tile(tile.xy) { return; }
+    let index = tile_of(tile.xy);
     let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
     let at = in_tile.y * TILE + in_tile.x;
     let slices = slices_of(index, at);

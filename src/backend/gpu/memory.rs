@@ -5,6 +5,7 @@ use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::{Frame, PixelRect, Position, RasterArea};
 use crate::layout::{Channels, EwaSplat, FilteredSplat, Splat, SweptSplat};
+use crate::options::SweptKernel;
 use crate::plan::LAYERS;
 
 /// Pixels of a tile.
@@ -366,7 +367,7 @@ impl Schedule {
         let most_sorted = 65_535 * u64::from(WORKGROUP_ITEMS);
         let spare = left.saturating_sub(slots * each_slot + LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / 2;
         let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest && gaussians <= slots {
-            let tile_bound = bound_of_tiles / band_tiles.max(1);
+            let tile_bound = bound_of_tiles.min(most_bytes / slice_bytes.max(mask_bytes).max(1)) / band_tiles.max(1);
             let slot_bound = 1 + bound.saturating_sub(slots) / each_group;
             let gaussian_bound = match gaussians {
                 0 => u64::MAX,
@@ -430,9 +431,11 @@ impl Schedule {
 }
 
 /// Do groups of a frame go through the passes together? Those of several samples that something transparent is laid
-/// over come one by one, for each of them has several pictures.
+/// over come one by one, for each of them has several pictures; and so do published kernels in motion, which share a
+/// map.
 pub(in crate::backend) fn makes_rounds(frame: &Frame) -> bool {
-    frame.swept.is_none() && (frame.blending.is_none() || frame.samples_of_a_group() == 1)
+    let is_published = frame.swept.is_some_and(SweptKernel::is_published);
+    !is_published && (frame.blending.is_none() || frame.samples_of_a_group() == 1)
 }
 
 /// Widest apron of see-through surfels.

@@ -130,30 +130,24 @@ impl<'a, I: Iterator> Walk<'a, I> {
     /// Adds a step to a chunk, or to the round that goes into it next.
     fn add(&mut self, chunk: &mut Chunk, round: &mut Round<'a>, next: &PlacedStep<'a>) {
         let (place, film, entries) = (next.place, next.place.film, self.entries);
-        let paint = match *next.step {
-            Step::Paint { group, shares_rest } => Some((group, shares_rest)),
-            Step::Published { group, part: Published::Instant } => Some((group, false)),
-            _ => None,
-        };
-        if let Some((group, shares_rest)) = paint {
-            let job = place.paint_job(group, false);
-            let mut batches = place.batches(&job);
-            if self.prepared.frame.blending.is_some() {
-                self.surfels = GroupSurfels { opaque: Some((job, batches)), see_through: None };
-            } else if batches.len() == 1 && makes_rounds(self.prepared.frame) {
-                round.add(chunk, (job, batches.remove(0)), shares_rest, entries);
-            } else {
-                round.close(chunk, entries);
-                let placed = chunk.upload.place(&job, &batches, entries);
-                chunk.tasks.push(Task::Paint { film, placed });
-            }
-            return;
-        }
         match *next.step {
+            Step::Paint { group, .. } | Step::Published { group, part: Published::Instant } => {
+                let job = place.paint_job(group, false);
+                let batches = place.batches(&job);
+                if self.prepared.frame.blending.is_some() {
+                    self.surfels = GroupSurfels { opaque: Some((job, batches)), see_through: None };
+                } else {
+                    let shares_rest = matches!(*next.step, Step::Paint { shares_rest: true, .. });
+                    round.add_surfels(chunk, (job, batches), shares_rest, entries);
+                }
+            }
+            Step::Sweep { group, ref interval, .. } => {
+                let job = place.sweep_job(group, interval);
+                round.add_surfels(chunk, (job, place.batches(&job)), false, entries);
+            }
             Step::Peel { group } => {
                 let job = place.paint_job(group, true);
                 self.surfels.see_through = Some((job, place.batches(&job)));
-                return;
             }
             Step::Composite { group } => {
                 let over = OverGroup::new(place.job(group), std::mem::take(&mut self.surfels));
@@ -163,36 +157,31 @@ impl<'a, I: Iterator> Walk<'a, I> {
                     round.close(chunk, entries);
                     over.add_alone(chunk, entries);
                 }
-                return;
-            }
-            _ => {}
-        }
-        round.close(chunk, entries);
-        let mut place_all = |job: &Job<'a>| {
-            let batches = place.batches(job);
-            chunk.upload.place(job, &batches, entries)
-        };
-        let task = match *next.step {
-            Step::Paint { .. }
-            | Step::Peel { .. }
-            | Step::Composite { .. }
-            | Step::Published { part: Published::Instant, .. } => return,
-            Step::Sweep { group, ref interval, .. } => {
-                Task::Sweep { film, placed: place_all(&place.sweep_job(group, interval)) }
             }
             Step::Published { group, part: Published::Map { guard } } => {
-                Task::Map(place_all(&place.map_job(group, guard)))
+                let job = place.map_job(group, guard);
+                round.close(chunk, entries);
+                let placed = chunk.upload.place(&job, &place.batches(&job), entries);
+                chunk.tasks.push(Task::Map(placed));
             }
             Step::Published { group, part: Published::Sweep { ref interval, .. } } => {
-                Task::PublishedSweep { film, placed: place_all(&place.sweep_job(group, interval)) }
+                let job = place.sweep_job(group, interval);
+                let placed = chunk.upload.place(&job, &place.batches(&job), entries);
+                chunk.tasks.push(Task::PublishedSweep { film, placed });
             }
             Step::Finish => {
-                let tiles = place.area().tiles;
-                Task::Finish { film, tiles, view: chunk.upload.add_views(&[place.job(0).view(entries)]) }
+                round.close(chunk, entries);
+                let view = chunk.upload.add_views(&[place.job(0).view(entries)]);
+                chunk.tasks.push(Task::Finish { film, tiles: place.area().tiles, view });
             }
-        };
-        chunk.tasks.push(task);
+        }
     }
+}
+
+/// The task of surfels that nothing is laid over: step `Sweep` where the job has an interval, else `Paint`.
+fn surfel_task(job: &Job<'_>, placed: Vec<Placed>) -> Task {
+    let film = job.place.film;
+    if job.interval.is_some() { Task::Sweep { film, placed } } else { Task::Paint { film, placed } }
 }
 
 /// Groups of one batch each, which go through the passes together.
@@ -211,6 +200,23 @@ struct Round<'a> {
 }
 
 impl<'a> Round<'a> {
+    /// Adds the surfels of a group, or where they do not go with others puts them into the chunk.
+    fn add_surfels(
+        &mut self,
+        chunk: &mut Chunk,
+        (job, mut batches): (Job<'a>, Vec<Batch>),
+        shares_rest: bool,
+        entries: u64,
+    ) {
+        if batches.len() == 1 && makes_rounds(job.place.prepared.frame) {
+            self.add(chunk, (job, batches.remove(0)), shares_rest, entries);
+        } else {
+            self.close(chunk, entries);
+            let placed = chunk.upload.place(&job, &batches, entries);
+            chunk.tasks.push(surfel_task(&job, placed));
+        }
+    }
+
     /// Adds a group. Where it does not fit, the round goes into the chunk before, and another begins.
     fn add(&mut self, chunk: &mut Chunk, (job, batch): (Job<'a>, Batch), shares_rest: bool, entries: u64) {
         if !shares_rest || batch.at_rest.1 == 0 || !self.add_sharing(chunk, job, &batch, entries) {
@@ -294,10 +300,9 @@ impl<'a> Round<'a> {
     fn close(&mut self, chunk: &mut Chunk, entries: u64) {
         let Self { groups, over, .. } = std::mem::take(self);
         let Some((job, ..)) = groups.first() else { return };
-        let film = job.place.film;
         if over.is_empty() {
             let placed = vec![chunk.upload.place_round(&groups, entries)];
-            chunk.tasks.push(Task::Paint { film, placed });
+            chunk.tasks.push(surfel_task(job, placed));
         } else {
             OverGroup::add_round(over, &groups, chunk, entries);
         }

@@ -4,7 +4,7 @@
 use wgpu::ComputePass;
 
 use super::bind::{FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
-use super::recorder::{StepWork, dispatch, in_stretches, of_surfels};
+use super::recorder::{StepWork, in_stretches, of_surfels, of_views};
 use super::timestamps::Stage;
 use super::upload::Placed;
 use crate::plan::{MapPass, PublishedSweepPass, SweepPass};
@@ -31,14 +31,13 @@ impl StepWork for SweepStep<'_> {
     }
 
     fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Placed) {
-        let (tiles, view) = (batch.tiles, batch.view);
         match pass {
             SweepPass::Visibility => in_stretches(recorder, &self.programs.visibility, batch),
             SweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
                 in_stretches(recorder, &self.programs.attribute, batch);
             }
-            SweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
+            SweepPass::Resolve => of_views(recorder, &self.film.resolve, batch),
         }
     }
 }
@@ -64,7 +63,7 @@ impl StepWork for MapStep<'_> {
             MapPass::Visibility => &self.programs.visibility,
             MapPass::Store => &self.programs.store,
         };
-        dispatch(recorder, program, batch.tiles, batch.view);
+        of_views(recorder, program, batch);
     }
 }
 
@@ -89,13 +88,12 @@ impl StepWork for PublishedSweepStep<'_> {
     }
 
     fn record(&self, recorder: &mut ComputePass<'_>, pass: PublishedSweepPass, batch: &Placed) {
-        let (tiles, view) = (batch.tiles, batch.view);
         match pass {
             PublishedSweepPass::Attribute => {
                 of_surfels(recorder, &self.programs.splat_values, batch);
                 in_stretches(recorder, &self.programs.attribute, batch);
             }
-            PublishedSweepPass::Resolve => dispatch(recorder, &self.film.resolve, tiles, view),
+            PublishedSweepPass::Resolve => of_views(recorder, &self.film.resolve, batch),
         }
     }
 }

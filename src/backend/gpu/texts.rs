@@ -89,7 +89,7 @@ pub(super) const RESOLVE: &str = wgsl!(
 );
 pub(super) const SWEEP: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/work.wgsl",
     "common/segment.wgsl",
     "common/wanted.wgsl",
@@ -102,7 +102,7 @@ pub(super) const SWEEP: &str = wgsl!(
 );
 pub(super) const SWEPT_VISIBILITY: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/swept_filter.wgsl",
@@ -113,7 +113,7 @@ pub(super) const SWEPT_VISIBILITY: &str = wgsl!(
 );
 pub(super) const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/swept_filter.wgsl",
@@ -124,10 +124,10 @@ pub(super) const SWEPT_ATTRIBUTE: &str = wgsl!(
     "swept/sums.wgsl",
     "swept/attribute.wgsl",
 );
-pub(super) const MAP: &str = wgsl!("common/types.wgsl", "common/view.wgsl", "published/map.wgsl");
+pub(super) const MAP: &str = wgsl!("common/types.wgsl", "common/views.wgsl", "published/map.wgsl");
 pub(super) const PUBLISHED_SWEEP: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/work.wgsl",
     "common/segment.wgsl",
     "common/wanted.wgsl",
@@ -140,7 +140,7 @@ pub(super) const PUBLISHED_SWEEP: &str = wgsl!(
 );
 pub(super) const PUBLISHED_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/swept_splat.wgsl",
@@ -153,7 +153,7 @@ pub(super) const PUBLISHED_ATTRIBUTE: &str = wgsl!(
 );
 pub(super) const SWEPT_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
@@ -164,7 +164,7 @@ pub(super) const SWEPT_RESOLVE: &str = wgsl!(
 );
 pub(super) const PUBLISHED_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
-    "common/view.wgsl",
+    "common/views.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",

@@ -209,11 +209,10 @@ impl Upload {
             (view.slots, view.round_tiles) = (placed.slots, placed.round_tiles);
         }
         placed.view = self.add_views(&views);
-        if let [view] = views[..] {
-            let stretches = u64::from(placed.slots).div_ceil(parts[0].job.stretch) as u32;
-            let later = (1..stretches).map(|stretch| self.add_views(&[View { resumes: 1, stretch, ..view }]));
-            placed.later = later.collect();
-        }
+        let longest = parts.iter().map(|part| part.batch.slots).max().unwrap_or(0);
+        let stretches = u64::from(longest).div_ceil(parts[0].job.stretch) as u32;
+        let of_stretch = |stretch| views.iter().map(|view| View { resumes: 1, stretch, ..*view }).collect::<Vec<_>>();
+        placed.later = (1..stretches).map(|stretch| self.add_views(&of_stretch(stretch))).collect();
         placed.surfels = self.add_tables(&tables);
         placed
     }

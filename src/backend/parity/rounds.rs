@@ -57,6 +57,57 @@ fn groups_together_are_groups_one_by_one() {
     }
 }
 
+/// Cases of kernels in motion; one with other sample positions, too.
+fn swept() -> Vec<Case> {
+    let mut cases = cases::swept();
+    let mut positions = Case { name: "positions", ..named(&cases, "fast").clone() };
+    let swept = positions.kernel();
+    positions.options.quality = BlurMode::Volumetric { intervals: 2, pixel_samples: Some(2), swept }.into();
+    cases.push(positions);
+    cases
+}
+
+/// Intervals of kernels in motion that go through the passes together give the pictures of intervals one by one.
+fn check_swept(together: &mut Gpu, alone: &mut Gpu, case: &Case) -> Result<(), String> {
+    let (got, want) = (frame(together, case), frame(alone, case));
+    let walks = [&got, &want].map(|rendered| rendered.stats.gpu.unwrap().walks);
+    eprintln!("{}: {walks:?} walks", case.name);
+    assert!(walks[0] == 2 && walks[1] > 2, "{}: {walks:?} walks", case.name);
+    if got.picture == want.picture { Ok(()) } else { Err(format!("{}: another picture", case.name)) }
+}
+
+#[test]
+fn intervals_together_are_intervals_one_by_one() {
+    let Some(mut together) = gpu_or_skip("intervals_together_are_intervals_one_by_one") else { return };
+    let mut alone = together.beside();
+    alone.most_groups = 1;
+    let cases = swept();
+    for name in ["fast", "positions", "hard ellipsoid", "sum", "once", "tolerances"] {
+        check_swept(&mut together, &mut alone, named(&cases, name)).unwrap_or_else(|what| panic!("{what}"));
+    }
+}
+
+#[test]
+#[ignore = "deep: broken programs"]
+fn broken_rounds_of_intervals_are_noticed() {
+    let Some(mut together) = gpu_or_skip("broken_rounds_of_intervals_are_noticed") else { return };
+    let mut alone = together.beside();
+    alone.most_groups = 1;
+    let cases = swept();
+    all_are_noticed(&mut together, &SWEPT, |gpu, name| check_swept(gpu, &mut alone, named(&cases, name)));
+}
+
+static SWEPT: [Mutant; 8] = [
+    ([("view = views[segment.view];\n    let slot", "view = views[0];\n    let slot")], "positions"),
+    ([("slices_of(view.round_tiles + index, at)", "slices_of(view.tiles.x * view.tiles.y + index, at)")], "tolerances"),
+    ([("let mask_at = MASKS * index", "let mask_at = 0u * MASKS * index")], "fast"),
+    ([("view = views[number];\n        if !has_tile", "view = views[tile.z];\n        if !has_tile")], "fast"),
+    ([("view = views[number];\n        if has_tile", "view = views[tile.z];\n        if has_tile")], "once"),
+    ([("add_pixel(film_tile_of(tile.xy), tile.xy", "add_pixel(tile_of(tile.xy), tile.xy")], "fast"),
+    ([("let at = film_tile_of(tile) *", "let at = tile_of(tile) *")], "once"),
+    ([("moments[view.first_moment + i], ((surface", "moments[i], ((surface")], "fast"),
+];
+
 static MUTANTS: [Mutant; 5] = [
     ([("views[middle].first_slot <= slot", "views[middle].first_slot < slot")], "few"),
     ([("return view.first_tile + ", "return 0u * view.first_tile + ")], "few"),
