@@ -191,7 +191,7 @@ struct Round<'a> {
     groups: Vec<(Job<'a>, Batch, u32)>,
     /// The view of what is at rest at the sample position, and a batch of it.
     rest: Option<(u32, Batch)>,
-    /// What is laid over them; none where nothing is transparent.
+    /// The same groups with all that is transparent; empty where nothing is.
     over: Vec<OverGroup<'a>>,
     /// Slots and tiles of all groups, and bytes that they upload, about.
     slots: u64,
@@ -311,7 +311,7 @@ impl<'a> Round<'a> {
 
 /// A group that something transparent is laid over.
 struct OverGroup<'a> {
-    /// What is laid over it.
+    /// The job of step `Composite`.
     job: Job<'a>,
     /// Without opaque surfels where a round has them.
     surfels: GroupSurfels<'a>,
