@@ -70,6 +70,10 @@ fn a_frame_takes_what_it_may_take() {
             // Nor is much left of the memory.
             assert!(taken > memory / 10 * 9, "{}: {taken} bytes of {memory}", case.name);
         }
+        // There is room for rounds.
+        let Some(taken) = take(8 * needed) else { return };
+        let taken = taken.unwrap_or_else(|e| panic!("{}: {e}", case.name));
+        assert!(taken <= 8 * needed, "{}: {taken} bytes of {}", case.name, 8 * needed);
     }
 }
 
