@@ -68,7 +68,7 @@ impl Schedule {
         let moving = (0..group.samples.len()).flat_map(|sample| visible(sample, false));
         // The first entries hold the weights of samples.
         let index = group.samples.len() as u32;
-        let cutter = Cutter { prepared, raster, group, most: self.slots as usize, index };
+        let cutter = Cutter { prepared, raster, group, most: self.surfel_slots as usize, index };
         let mut batches = cutter.cut(visible(0, true).chain(moving));
         if let Some(last) = batches.last_mut() {
             last.last_turn = group.samples.len() as u32 + 1;

@@ -77,7 +77,7 @@ impl Buffers {
             views: device.buffer("views", VIEW_BYTES, UNIFORM)?,
             uniforms: device.buffer("tables", TABLE_BYTES, UNIFORM | BufferUsages::COPY_SRC)?,
             segments: device.buffer("segments", size_of::<Segment>() as u64, SHARED)?,
-            capture_segments: device.buffer("segments", size_of::<CaptureSegment>() as u64, SHARED)?,
+            capture_segments: device.buffer("segments of captures", size_of::<CaptureSegment>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
             environment: empty()?,
             environment_of: Weak::new(),

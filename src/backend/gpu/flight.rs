@@ -38,6 +38,7 @@ pub(in crate::backend) struct Flight {
     entries: u64,
     most_entries: u64,
     slots: u64,
+    surfel_slots: u64,
     /// Groups of a round.
     groups: u64,
     /// Entries of the longest list that programs walk over to its end.
@@ -87,6 +88,7 @@ impl Gpu {
             entries: buffers.entries,
             most_entries: schedule.most_entries,
             slots: schedule.slots,
+            surfel_slots: schedule.surfel_slots,
             groups: schedule.round_groups,
             most_list,
             frame,
@@ -150,11 +152,11 @@ impl Gpu {
         self.landings.push(flight.landing);
         if has_turns && wanted <= flight.most_entries {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
-        } else if !has_turns && flight.slots > flight.most_list {
+        } else if !has_turns && flight.surfel_slots > flight.most_list {
             // Lists grow about as batches do. No list has more entries than its batch has slots.
             let share = flight.most_list as f64 / f64::from(status.longest);
-            let shorter = (0.8 * share * flight.slots as f64) as u64;
-            self.most_slots = self.most_slots.min(shorter.max(flight.most_list)).max(1);
+            let shorter = (0.8 * share * flight.surfel_slots as f64) as u64;
+            self.most_surfel_slots = self.most_surfel_slots.min(shorter.max(flight.most_list)).max(1);
         } else if flight.groups > 1 {
             self.most_groups = self.most_groups.min(flight.groups / 2);
         } else if flight.slots > 1 {

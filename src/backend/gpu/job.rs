@@ -1,7 +1,7 @@
 //! What a step does for one group: its surfels in batches, and its view.
 
 use super::batches::Batch;
-use super::layout::View;
+use super::layout::{IN_STRETCHES, View};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use crate::frame::{PosedGroup, Position, Raster};
@@ -115,7 +115,7 @@ impl Job<'_> {
             map_tiles: map.tiles,
             entry_capacity: entries.min(u64::from(u32::MAX)) as u32,
             slope: self.interval.map_or(0.0, |interval| interval.slope),
-            flags: self.flags,
+            flags: self.flags | if self.stretch == u64::MAX { 0 } else { IN_STRETCHES },
             walks: self.walks,
             opaque_scale: group_scale(group),
             ..View::of(place.prepared.frame, &place.raster(self.see_through), group, &place.prepared.channels.shared)

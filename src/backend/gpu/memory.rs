@@ -18,6 +18,9 @@ pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 const ENTRY_BYTES: u64 = 17;
 /// Tiles of a round, beside those of one group, that keep a device busy.
 const MOST_ROUND_TILES: u64 = 1 << 14;
+/// Slots after which a frame is submitted in parts. Systems take a device for hung that does not answer for some
+/// seconds.
+pub(in crate::backend) const LONG: u64 = 1 << 24;
 /// Groups of a round, what is at rest among them, where groups share that: it is painted once a round.
 const SHARING_GROUPS: u64 = 9;
 /// Bytes of a tile of the map beside its start: the map and thresholds.
@@ -227,8 +230,9 @@ pub(in crate::backend) struct Schedule {
     pub depth_bytes: u64,
     /// Tile rows of a band, for each raster.
     pub band_rows: Vec<u32>,
-    /// Most slots of a batch.
+    /// Most slots of a batch or slab, and of a batch of surfels, whose lists must not be too long.
     pub slots: u64,
+    pub surfel_slots: u64,
     /// Most groups, slots and tiles of a round: of groups that go through the passes together.
     pub round_groups: u64,
     pub round_slots: u64,
@@ -254,8 +258,9 @@ pub(in crate::backend) struct Schedule {
 pub(in crate::backend) struct Limits {
     /// Bytes of a buffer that a program can bind.
     pub bytes: u64,
-    /// Slots of a batch.
+    /// Slots of a batch or slab, and of a batch of surfels.
     pub slots: u64,
+    pub surfel_slots: u64,
     /// Groups of a round.
     pub groups: u64,
 }
@@ -359,6 +364,7 @@ impl Schedule {
         let fit = (left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES))
             .min(left.saturating_sub(LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / slot_bytes);
         let slots = of_group.max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
+        let surfel_slots = slots.min(limits.surfel_slots);
         // What is left beside the lists of a batch makes room for rounds, and for longer lists.
         let each_slot = slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES;
         let each_group = of_group.max(gaussians).clamp(1, slots);
@@ -375,16 +381,18 @@ impl Schedule {
             };
             let sorted_groups = if gaussians > 0 { 1 << DIGIT_BITS } else { u64::MAX };
             let enough = 1 + MOST_ROUND_TILES / band_tiles.max(1);
-            let shares = if frame.shares_rest() { SHARING_GROUPS } else { 1 };
+            let shares_rest = frame.shares_rest() && frame.blending.is_none();
+            let shares = if shares_rest { SHARING_GROUPS } else { 1 };
             (1 + spare / (band_tiles * tile_bytes + each_group * each_slot + gaussian_bytes).max(1))
                 .min(enough.max(shares))
                 .min(limits.groups)
                 .min(tile_bound)
                 .min(slot_bound)
+                .min(1 + LONG / each_group)
                 .min(gaussian_bound)
                 .min(sorted_groups)
                 // What is at rest takes a place of its own.
-                .min(frame.positions().map(|position| position.groups.len() as u64 + 1).sum())
+                .min(frame.positions().map(|position| position.groups.len() as u64 + u64::from(shares_rest)).sum())
                 .max(1)
         } else {
             1
@@ -408,6 +416,7 @@ impl Schedule {
             depth_bytes,
             band_rows,
             slots,
+            surfel_slots,
             round_groups,
             round_slots,
             round_tiles,

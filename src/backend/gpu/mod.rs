@@ -64,6 +64,8 @@ pub struct Gpu {
     pub(super) most_bytes: u64,
     /// Most slots of a batch. It shrinks when the lists of larger batches do not fit.
     pub(super) most_slots: u64,
+    /// The same of surfels at instants. It shrinks when lists are longer than loops.
+    pub(super) most_surfel_slots: u64,
     /// Most turns of the loops of an invocation that walks over a list.
     pub(super) most_turns: u64,
     /// Most groups of a round.
@@ -89,7 +91,7 @@ pub(in crate::backend) struct DeviceState {
 }
 
 /// Most turns of the loops of an invocation on a software device. Mesa's llvmpipe silently ends a shader's loops after
-/// 65,535 in all. Frames whose lists take more are rendered again in smaller batches.
+/// 65,535 in all. Frames whose lists of surfels at instants take more are rendered again in smaller batches.
 const SOFTWARE_TURNS: u64 = 60_000;
 
 impl Gpu {
@@ -112,6 +114,7 @@ impl Gpu {
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: u64::MAX,
+            most_surfel_slots: u64::MAX,
             most_turns: if software { SOFTWARE_TURNS } else { u64::MAX },
             most_groups: u64::from(VIEWS),
             most_entries: u64::MAX,

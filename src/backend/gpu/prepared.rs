@@ -24,7 +24,7 @@ const PASSES_OF_LAYERS: u64 = 4 * (4 * LAYERS as u64 + 3);
 /// Bytes that are copied for nothing in place of another copy.
 const GAP: u64 = 1 << 15;
 
-/// Most stretches of the lists of a batch. Most lists are much shorter than the batch.
+/// Most stretches of the lists of a batch of kernels in motion. Most lists are much shorter than the batch.
 const MOST_STRETCHES: u64 = 32;
 
 /// What stays the same while a frame is rendered.
@@ -66,8 +66,12 @@ impl Gpu {
         let instants = frame.swept.is_none_or(SweptKernel::is_published);
         let most_list = if instants { self.most_turns / if layers > 1 { 4 } else { 2 } } else { u64::MAX };
         let most_slots = if frame.swept.is_some() { stretch.saturating_mul(MOST_STRETCHES) } else { u64::MAX };
-        let limits =
-            Limits { bytes: self.most_bytes, slots: self.most_slots.min(most_slots), groups: self.most_groups };
+        let limits = Limits {
+            bytes: self.most_bytes,
+            slots: self.most_slots.min(most_slots),
+            surfel_slots: self.most_surfel_slots,
+            groups: self.most_groups,
+        };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;

@@ -5,13 +5,10 @@ use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 use super::DeviceState;
 use super::bind::{BinPrograms, BoundProgram, BoundPrograms, ListPrograms, Round};
 use super::layout::{DIGIT_BITS, WORKGROUP_ITEMS};
+use super::memory::LONG;
 use super::timestamps::{Marks, Stage};
 use super::upload::{Placed, SurfelDispatch};
 use crate::plan::{BatchPass, TilePass};
-
-/// Slots of lists after which a frame is submitted in parts. Systems take a device for hung that does not answer for
-/// some seconds.
-const LONG: u64 = 1 << 24;
 
 /// What a step records, pass by pass.
 pub(in crate::backend) trait StepWork {

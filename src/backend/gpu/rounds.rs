@@ -375,9 +375,9 @@ impl<'a> OverGroup<'a> {
         let jobs: Vec<_> = all.iter().map(|over| over.job).collect();
         let layers: Vec<_> = (0..)
             .zip(all)
-            .filter_map(|(number, over)| {
-                let (job, mut batches) = over.surfels.see_through?;
-                Some((job, batches.pop().unwrap_or_default(), number))
+            .map(|(number, over)| {
+                let (job, batches) = over.surfels.see_through.unwrap_or((over.job, Vec::new()));
+                (job, batches.into_iter().next().unwrap_or_default(), number)
             })
             .collect();
         let placed = [placed, place(&layers)];

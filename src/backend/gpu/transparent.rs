@@ -262,12 +262,16 @@ impl PlacedSample {
                 first_light: part.light + of_group.first_light,
                 views: placed.views,
                 number: number as u32,
+                rest: number as u32,
                 first_tile: placed.round_tiles,
                 first_slot: placed.slots,
                 ..of_group
             });
             let as_view = (number, placed.slots);
-            part.add_segments((samples.len() / 2, false), as_view, &mut middles, upload);
+            // All samples have the order of the first one's.
+            if sample == 0 {
+                part.add_segments((samples.len() / 2, false), as_view, &mut middles, upload);
+            }
             if samples.len() > 1 {
                 part.add_segments((sample, true), as_view, &mut own, upload);
             }

@@ -245,21 +245,21 @@ impl Upload {
 
     /// Makes room for it. Buffers that grow lose their content.
     pub(in crate::backend) fn fit(&self, device: &Device, buffers: &mut Buffers) -> Result<(), BackendError> {
-        let bytes = size_of_val(&self.segments[..]) as u64;
-        if bytes > device.most_bytes() {
-            return Err(device.error(format!(
-                "the poses of {} objects and parts of them take {bytes} bytes, but a program can bind {}: take \
-                 `--backend cpu`",
-                self.segments.len(),
-                device.most_bytes()
-            )));
+        let poses = [size_of_val(&self.segments[..]) as u64, size_of_val(&self.captures[..]) as u64];
+        for (count, bytes) in [self.segments.len(), self.captures.len()].into_iter().zip(poses) {
+            if bytes > device.most_bytes() {
+                return Err(device.error(format!(
+                    "the poses of {count} objects and parts of them take {bytes} bytes, but a program can bind {}: \
+                     take `--backend cpu`",
+                    device.most_bytes()
+                )));
+            }
         }
         // The last offset is followed by all that a program binds.
         grow(device, &mut buffers.views, "views", self.views.len() as u64 + VIEW_BYTES)?;
         grow(device, &mut buffers.uniforms, "tables", self.uniforms.len() as u64 + TABLE_BYTES)?;
-        grow(device, &mut buffers.segments, "segments", size_of_val(&self.segments[..]) as u64)?;
-        let bytes = size_of_val(&self.captures[..]) as u64;
-        grow(device, &mut buffers.capture_segments, "segments of captures", bytes)?;
+        grow(device, &mut buffers.segments, "segments", poses[0])?;
+        grow(device, &mut buffers.capture_segments, "segments of captures", poses[1])?;
         grow(device, &mut buffers.lights, "lights", size_of_val(&self.lights[..]) as u64)?;
         grow(device, &mut buffers.moments, "moments", size_of_val(&self.moments[..]) as u64)
     }

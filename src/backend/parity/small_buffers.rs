@@ -97,7 +97,7 @@ fn lists_that_are_too_long_split_the_batches() {
         let mut gpu = roomy.beside();
         gpu.most_turns = 160;
         assert_eq!(picture(&mut gpu, case), want, "{}", case.name);
-        assert!(gpu.most_slots < u64::MAX, "{}: no batch was split", case.name);
+        assert!(gpu.most_surfel_slots < u64::MAX, "{}: no batch was split", case.name);
     }
 }
 

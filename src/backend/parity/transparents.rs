@@ -236,6 +236,11 @@ fn check_rounds(together: &mut Gpu, one_by_one: &mut Gpu, case: &Case) -> Result
     let walks = [&got, &want].map(|rendered| rendered.stats.gpu.unwrap().walks);
     eprintln!("{}: {walks:?} walks", case.name);
     assert!(walks[0] < walks[1], "{}: {walks:?} walks", case.name);
+    // Of two groups alike, the lists of one count.
+    let chain = [&got, &want].map(|rendered| rendered.stats.gpu.unwrap().chain);
+    if 10 * chain[0] >= 9 * chain[1] {
+        return Err(format!("{}: chains of {chain:?}", case.name));
+    }
     if got.picture == want.picture { Ok(()) } else { Err(format!("{}: another picture", case.name)) }
 }
 
@@ -255,7 +260,8 @@ fn captures_together_are_captures_one_by_one() {
 #[test]
 #[ignore = "deep: broken programs"]
 fn captures_notice_broken_rounds() {
-    static ROUNDS: [Mutant; 9] = [
+    static ROUNDS: [Mutant; 10] = [
+        ([("if rest == low {", "if rest == low + 1u {")], "alone"),
         (
             [("    view = views[segment.view];\n    let slot", "    view = views[0];\n    let slot")],
             "glass, interleaved",
@@ -304,7 +310,7 @@ fn lists_in_stretches_change_no_capture() {
         let dispatches = [&got, &want].map(|rendered| rendered.stats.gpu.unwrap().dispatches);
         assert!(dispatches[0] > dispatches[1], "{name}: no list was cut");
         assert_eq!(got.picture, want.picture, "{name}");
-        assert!(name == "glass, fog" || short.most_slots == u64::MAX, "{name}: a batch was split");
+        assert!(name == "glass, fog" || short.most_surfel_slots == u64::MAX, "{name}: a batch was split");
     }
 }
 
