@@ -40,8 +40,8 @@ pub(in crate::backend) struct Buffers {
     pub starts: Buffer,
     pub thresholds: Buffer,
     pub sums: Buffer,
-    /// The visibility map of kernels in motion. Behind its tiles are the thresholds of static objects, where those
-    /// have a picture of their own, then the thresholds of slices.
+    /// The visibility map of published kernels in motion; or the thresholds of slices of all others, and behind them,
+    /// where they are kept, the nearest depths.
     pub map: Buffer,
     pub coverage_mask: Buffer,
     pub moments: Buffer,

@@ -332,8 +332,8 @@ impl Schedule {
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film - gaussian_bytes;
         let most_planes = sums.max(planes.count) as u64;
-        let bound_of_tiles =
-            most_bytes / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes).max(depth_bytes);
+        let bound_of_tiles = most_bytes
+            / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes).max(depth_bytes).max(mask_bytes);
         let band_tiles = bound_of_tiles.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
             .iter()
@@ -373,7 +373,7 @@ impl Schedule {
         let most_sorted = 65_535 * u64::from(WORKGROUP_ITEMS);
         let spare = left.saturating_sub(slots * each_slot + LEAST_SLOTS * u64::from(WIDEST) * ENTRY_BYTES) / 2;
         let round_groups = if makes_rounds(frame) && band_tiles == widest * tallest && gaussians <= slots {
-            let tile_bound = bound_of_tiles.min(most_bytes / slice_bytes.max(mask_bytes).max(1)) / band_tiles.max(1);
+            let tile_bound = bound_of_tiles.min(most_bytes / slice_bytes.max(1)) / band_tiles.max(1);
             let slot_bound = 1 + bound.saturating_sub(slots) / each_group;
             let gaussian_bound = match gaussians {
                 0 => u64::MAX,

@@ -69,7 +69,7 @@ impl Gpu {
         let limits = Limits {
             bytes: self.most_bytes,
             slots: self.most_slots.min(most_slots),
-            surfel_slots: self.most_surfel_slots,
+            surfel_slots: if instants { self.most_surfel_slots } else { u64::MAX },
             groups: self.most_groups,
         };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
@@ -139,8 +139,17 @@ impl Gpu {
         Ok(frame.model_bytes + frame.picture_bytes + buffers.bytes() + on_host)
     }
 
-    pub(in crate::backend) fn bytes_of_sums(&self) -> u64 {
-        self.state.buffers.sums.size()
+    /// Bytes of the largest buffer that grows with tiles and is bound whole, but for the map, of which a row of tiles
+    /// may be larger than all others.
+    pub(in crate::backend) fn most_bytes_of_tiles(&self) -> u64 {
+        let b = &self.state.buffers;
+        let all = [&b.sums, &b.thresholds, &b.coverage_mask, &b.opaque, &b.peeled, &b.layers];
+        all.map(wgpu::Buffer::size).into_iter().max().unwrap_or(0)
+    }
+
+    /// Most groups of a round of a frame.
+    pub(in crate::backend) fn groups_of_a_round(&mut self, frame: &Frame) -> u64 {
+        self.prepare(frame).map_or(0, |prepared| prepared.schedule.round_groups)
     }
 }
 
@@ -160,7 +169,7 @@ impl Prepared<'_> {
         let surfels: u64 = surfels.map(|model| model.surfels().len() as u64).sum();
         let of_group = |group: &PosedGroup| {
             let samples = group.samples.len() as u64;
-            let batches = (samples * surfels).div_ceil(schedule.slots) + 1;
+            let batches = (samples * surfels).div_ceil(schedule.surfel_slots) + 1;
             let slabs = schedule.gaussians.div_ceil(schedule.slots).max(1);
             let layers = if self.see_through.is_some() { PASSES_OF_LAYERS } else { 0 };
             let composite = if frame.blending.is_some() { samples * (4 + 3 * slabs) } else { 0 };

@@ -76,6 +76,21 @@ fn check_swept(together: &mut Gpu, alone: &mut Gpu, case: &Case) -> Result<(), S
     if got.picture == want.picture { Ok(()) } else { Err(format!("{}: another picture", case.name)) }
 }
 
+/// Loops that end early: the lists of all intervals of a round are walked over in stretches.
+#[test]
+fn rounds_of_intervals_go_on_in_stretches() {
+    let Some(mut roomy) = gpu_or_skip("rounds_of_intervals_go_on_in_stretches") else { return };
+    let mut short = roomy.beside();
+    short.most_turns = 2_100;
+    for case in swept().iter().filter(|case| ["fast", "positions", "once"].contains(&case.name)) {
+        let (got, want) = (frame(&mut short, case), frame(&mut roomy, case));
+        let [got_calls, want_calls] = [&got, &want].map(|rendered| rendered.stats.gpu.unwrap());
+        assert!(got_calls.dispatches > want_calls.dispatches, "{}: no list was cut", case.name);
+        assert_eq!((got_calls.walks, want_calls.walks), (2, 2), "{}: not one round", case.name);
+        assert_eq!(got.picture, want.picture, "{}", case.name);
+    }
+}
+
 #[test]
 fn intervals_together_are_intervals_one_by_one() {
     let Some(mut together) = gpu_or_skip("intervals_together_are_intervals_one_by_one") else { return };
