@@ -263,9 +263,11 @@ impl<'a> Round<'a> {
             Some((job, batches)) => (*job, batches.pop().unwrap_or_default()),
             None => (over.job, Batch::default()),
         };
-        self.make_room(chunk, &job, [over.most_slots(u64::from(batch.slots)), 1], entries);
+        let most = over.most_slots(u64::from(batch.slots));
+        self.make_room(chunk, &job, [most, 1], entries);
         let number = self.groups.len() as u32;
-        self.slots += over.most_slots(u64::from(batch.slots)) - u64::from(batch.slots);
+        // Those of its surfels come with them.
+        self.slots += most - u64::from(batch.slots);
         self.bytes += over.bytes();
         self.push(job, batch, number);
         self.over.push(over);
@@ -329,7 +331,8 @@ impl<'a> OverGroup<'a> {
             job.flags = opaque;
         }
         let (_, gaussians) = runs(job.place.prepared, job.group);
-        Self { job: Job { flags, ..job }, surfels, gaussians: u64::from(gaussians) }
+        let stretch = job.place.prepared.stretch;
+        Self { job: Job { flags, stretch, ..job }, surfels, gaussians: u64::from(gaussians) }
     }
 
     /// Can it go through the passes with others?

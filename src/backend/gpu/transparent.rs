@@ -18,7 +18,7 @@ use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{Job, JobPlace};
 use super::layout::{
     CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
-    FLAG_LIT, FLAG_VOLUME, IN_STRETCHES, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
+    FLAG_LIT, FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
@@ -287,7 +287,7 @@ impl PlacedSample {
             _ => u32::MAX,
         };
         let longest = parts.iter().map(|part| part.slots.min(most)).max().unwrap_or(0);
-        let stretches = u64::from(longest).div_ceil(prepared.stretch).max(1) as u32;
+        let stretches = u64::from(longest).div_ceil(parts[0].job.stretch).max(1) as u32;
         let mut slab = |first: u32| {
             let slots = most.min(slots - first);
             let is_last = first.saturating_add(most) >= placed.slots;
@@ -298,7 +298,7 @@ impl PlacedSample {
                     round_tiles: placed.round_tiles,
                     resumes: u32::from(first > 0 || stretch > 0),
                     stretch,
-                    flags: view.flags | IN_STRETCHES | (u32::from(is_last && stretch + 1 == stretches) * LAST_SLAB),
+                    flags: view.flags | (u32::from(is_last && stretch + 1 == stretches) * LAST_SLAB),
                     ..*view
                 };
                 upload.add_views(&views.iter().map(of_view).collect::<Vec<_>>())
