@@ -1,3 +1,4 @@
+// Includes: common/types common/views common/wanted common/scan
 // Pass `bin`: sorts splats into one list per tile, in global surfel order.
 // Twin: src/backend/cpu/bin.rs, whose lists are per chunk; the order is the same.
 //   in   touched   number of wanted tiles of each slot's splat; WIDE for splats that are listed separately
@@ -87,7 +88,7 @@ override BY_VIEW: bool = false;
 // Size of a slot's content in splats, and the part of it that has the bounds where a splat has them. Kernels in motion
 // and filtered kernels have two parts.
 override SPLATS: u32 = 1u;
-override PART: u32 = 0u;
+override BOUNDS_PART: u32 = 0u;
 
 fn touched_at(slot: u32) -> u32 {
     if slot < view.slots { return touched[slot]; }
@@ -172,7 +173,7 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             at.y += 1u;
         } else if count > 0u && totals.entries > 0u {
             load_view_of(slot);
-            let tiles = unpack(splats[SPLATS * slot + PART].bounds) / TILE;
+            let tiles = unpack(splats[SPLATS * slot + BOUNDS_PART].bounds) / TILE;
             for (var y = tiles.z; y <= tiles.w; y += 1u) {
                 for (var x = tiles.x; x <= tiles.y; x += 1u) {
                     if !is_wanted(vec2<u32>(x, y)) { continue; }

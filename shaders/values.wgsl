@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/work common/segment common/fast common/channels common/shading
+// Includes: common/environment common/paths
 // The first program of passes `attribute`: the values of the splats that `project` made.
 // Twin: src/backend/cpu/values.rs.  Math: docs/math.md, section 5.
 //   in   segments, geometry, looks, lights, environment
@@ -17,7 +19,7 @@
 override GOURAUD: bool = false;
 // Size of a slot's content in splats, and the part of it that has the flags.
 override SPLATS: u32 = 1u;
-override PART: u32 = 0u;
+override FLAGS_PART: u32 = 0u;
 
 @compute @workgroup_size(256)
 fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -31,15 +33,15 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     let column = 3u * segment.buffer_surfels;
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
     var turned_normal = apply_linear(segment.normal, normal);
-    let place = splats[SPLATS * slot + PART].reference;
-    if view.strip != 0.0 && splats[SPLATS * slot + PART].centre_depth > 0.0 {
+    let place = splats[SPLATS * slot + FLAGS_PART].reference;
+    if view.strip != 0.0 && splats[SPLATS * slot + FLAGS_PART].centre_depth > 0.0 {
         // When the row is read out on which the centre lands.
         let half = abs(view.strip);
         let time = clamp((select(place.x, place.y, view.strip > 0.0) - half) / half, -1.0, 1.0);
         turned_normal += time * apply_linear(segment.turn, normal);
     }
     normal = unit(turned_normal);
-    if (splats[SPLATS * slot + PART].flags & FLAG_BACK) != 0u {
+    if (splats[SPLATS * slot + FLAGS_PART].flags & FLAG_BACK) != 0u {
         normal = -normal;
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);

@@ -1,3 +1,4 @@
+// Includes: common/at_once
 // Pass `attribute` by pixels: one workgroup per tile, one invocation per pixel. They read the tile's list together.
 
 var<workgroup> slots_read: array<u32, AT_ONCE>;

@@ -1,3 +1,4 @@
+// Includes: paint/unfiltered
 // The kernel in perspective, without a filter: its disc.
 // Twin: src/backend/cpu/paint/kernel.rs.  Math: docs/math.md, section 2.
 

@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/work common/segment common/fast common/wanted common/bounds common/paths
+// Includes: common/land common/posed common/hit common/depths paint/kernel
 // Pass `project`: turns surfels into splats; poses, projects, bounds and culls them, and convolves each with the
 // low-pass filter of the sample grid where there is one.
 // Twins: src/backend/cpu/project.rs, paint/project.rs.  Math: docs/math.md, sections 2 and 3.

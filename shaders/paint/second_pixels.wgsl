@@ -1,3 +1,4 @@
+// Includes: common/at_once paint/discs_at_once paint/second
 // Pass `second` by pixels: one invocation per pixel. They read the tile's list together.
 
 @compute @workgroup_size(LANES)

@@ -1,3 +1,4 @@
+// Includes: paint/second
 // Pass `second` by quads: one invocation per quad. Each walks over the tile's list by itself.
 
 @compute @workgroup_size(4, 16)

@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/fast common/wanted common/hit common/list paint/walk paint/both_walks
+// Includes: common/depths paint/kernel
 // Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel; with a filter for each tile
 // and the apron around it. Where objects have several tolerances, the least depth of the tile's pixels, too.
 // Pass `second` (paint/second.wgsl), of filtered kernels: the same minimum over the discs behind the limits of their

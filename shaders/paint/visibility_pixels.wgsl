@@ -1,3 +1,4 @@
+// Includes: common/at_once paint/discs_at_once
 // Pass `visibility` by pixels: one workgroup per tile, one invocation per pixel of it, and then of its apron. They read
 // the tile's list together.
 

@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/fast common/swept common/swept_splat common/sweep common/ray common/list
+// Includes: common/channels swept/sums
 // Pass `attribute` of published kernels in motion: sums the attributes of the kernels that pass the depth test.
 // Twins: src/backend/cpu/published/attribute.rs and ray.rs, swept/hull.rs.  Math: docs/math.md, eq. 11 to 19.
 //   in   splats, list, starts, wide, values   as in swept/sums.wgsl

@@ -1,3 +1,4 @@
+// Includes: paint/unfiltered
 // The kernel with the approximate EWA filter: a pixel counts as near it as the nearer of its disc and a disc on the
 // screen, which makes no layers.
 // Twin: src/backend/cpu/published/low_pass.rs.  Math: docs/math.md, eq. 10.

@@ -1,3 +1,4 @@
+// Includes: common/types common/views
 // Pass `store` of the map: writes the visible surface at mid-interval into a map of the band and the guard band around
 // it.
 // Twin: src/backend/cpu/published/map.rs.

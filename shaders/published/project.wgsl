@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/work common/segment common/wanted common/bounds common/swept
+// Includes: common/swept_splat common/paths common/moving
 // Pass `project` of published kernels in motion (program `published_sweep`): makes kernels of surfels over an
 // interval; projects, bounds and culls them. What it reads and writes: common/moving.wgsl.
 // Twin: src/backend/cpu/published/project.rs.  Math: docs/math.md, section 7.

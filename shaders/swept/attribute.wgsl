@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/fast common/swept common/swept_filter common/sweep common/ray common/list
+// Includes: common/channels swept/sums
 // Pass `attribute` of kernels in motion: the filtered kernel weighs; the disc alone says where the surface is, and how
 // deep. Where the filter is zero, each filtered kernel is its disc.
 // Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, section 7.

@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/work common/segment common/wanted common/bounds common/swept
+// Includes: common/swept_filter common/paths common/moving
 // Pass `project` of kernels in motion (program `sweep`): makes kernels of surfels over an interval, and the same
 // convolved with the low-pass filter of the sample grid; projects, bounds and culls them. What it reads and writes:
 // common/moving.wgsl.

@@ -1,3 +1,4 @@
+// Includes: common/types common/views common/fast common/shading common/environment common/channels resolve
 // Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
 // are normalised once. `coverage` is in swept/coverage.wgsl, or in published/coverage.wgsl.
 // Twin: src/backend/cpu/swept/resolve.rs.

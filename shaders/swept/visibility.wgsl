@@ -1,3 +1,4 @@
+// Includes: common/types common/views common/fast common/swept common/swept_filter common/sweep common/ray common/list
 // Pass `visibility` for kernels in motion: the depth threshold of each slice of the interval, and its least depth where
 // objects have several tolerances.
 // Twin: src/backend/cpu/swept/slices.rs.  Math: docs/math.md, section 7.

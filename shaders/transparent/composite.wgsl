@@ -1,3 +1,5 @@
+// Includes: common/types common/views common/fast common/wanted common/hit common/list common/depths common/gaussian
+// Includes: common/srgb
 // Pass `composite`: the Gaussians of a tile, front to back.
 // Twins: src/backend/cpu/transparent/composite.rs, accumulators.rs.  Math: docs/math.md, sections 11 and 12.
 //   in   splats, list, starts, wide   output of `gather` and `bin`: in the order of depth
@@ -33,7 +35,8 @@ override MOST_LAYERS: u32 = 8u;
 override DEPTH_PLANE: u32 = 0u;
 override NORMAL_PLANE: u32 = 0u;
 override VELOCITY_PLANE: u32 = 0u;
-override PLANES: u32 = 4u;
+// Planes of the film of a layer.
+override LAYER_PLANES: u32 = 4u;
 // Is the image composited in coded values?
 override CODED: bool = false;
 
@@ -105,7 +108,7 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     quad.next = vec4<u32>(MOST_LAYERS);
     quad.next_depth = vec4<f32>(NONE);
     if has_layers {
-        quad.surfels_at = index * MOST_LAYERS * PLANES * TILE_PIXELS + 4u * in_tile;
+        quad.surfels_at = index * MOST_LAYERS * LAYER_PLANES * TILE_PIXELS + 4u * in_tile;
         var first = vec4<u32>(0u);
         if view.resumes != 0u { first = vec4<u32>(sums[at + NEXT * TILE_QUADS]); }
         for (var i = 0u; i < 4u; i += 1u) { find_next(&quad, i, first[i]); }
@@ -244,7 +247,7 @@ fn pass_surfels(
         for (var i = 0u; i < 4u; i += 1u) {
             if !due[i] { continue; }
             let number = (*quad).next[i];
-            add_surfels(sum, i, (*quad).surfels_at + number * PLANES * TILE_PIXELS + i);
+            add_surfels(sum, i, (*quad).surfels_at + number * LAYER_PLANES * TILE_PIXELS + i);
             find_next(quad, i, number + 1u);
         }
     }
@@ -255,10 +258,10 @@ fn find_next(quad: ptr<function, Quad>, i: u32, first: u32) {
     var number = first;
     var depth = NONE;
     for (; number < MOST_LAYERS; number += 1u) {
-        let at = (*quad).surfels_at + number * PLANES * TILE_PIXELS + i;
+        let at = (*quad).surfels_at + number * LAYER_PLANES * TILE_PIXELS + i;
         if layers[at + 3u * TILE_PIXELS] > 0.0 {
             // What only filters reach has no depth of its own; it lies behind all that has.
-            depth = layers[at + (PLANES - 1u) * TILE_PIXELS];
+            depth = layers[at + (LAYER_PLANES - 1u) * TILE_PIXELS];
             break;
         }
     }

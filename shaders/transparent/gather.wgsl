@@ -1,3 +1,4 @@
+// Includes: common/types common/views common/wanted common/bounds common/gaussian
 // Pass `list` of Gaussians, its first part (program `gather`): the Gaussians of a slab of depth in their order, as
 // splats for pass `bin`, which makes lists of them.
 // Twin: src/backend/cpu/transparent/sorted.rs, whose lists hold places in the order.

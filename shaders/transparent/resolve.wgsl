@@ -1,3 +1,4 @@
+// Includes: common/types common/views common/fast common/srgb common/wanted
 // Pass `resolve` of what is transparent (program `transparent_resolve`): lays the composite over the opaque picture of
 // the instant, decodes it, and adds it to the film with the time weight.
 // Twin: src/backend/cpu/transparent/resolve.rs.  Math: docs/math.md, section 11.

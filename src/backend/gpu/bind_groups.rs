@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use wgpu::{BindGroup, Buffer, BufferBinding, BufferSize};
 
-use super::programs::{Program, Slot};
+use super::passes::Program;
+use super::slots::Slot;
 
 /// Rounds of binding for which bind groups are kept that nobody asks for. Mode auto binds for each of its renderings,
 /// and cuts of detail take turns with the rooms of models ([`models`](super::models)). A bind group may name buffers

@@ -1,172 +1,139 @@
 //! Values of the `override` constants of programs: what the frame needs, where channels and planes are.
 
+use super::layout::DIGIT_BITS;
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
-use super::programs::{Constants, KernelKind};
-use crate::film::{Blending, FilmPlanes};
-use crate::frame::Frame;
-use crate::options::{KernelShape, KernelWeight, Shading, SweptKernel, TemporalAlpha};
+use super::steps::Kind;
+use crate::film::{Aov, Blending};
+use crate::layout::{EwaSplat, FilteredSplat, Splat, SweptSplat};
+use crate::options::{KernelShape, KernelWeight, Shading, TemporalAlpha};
 use crate::plan::LAYERS;
 
+/// What a round of a sort goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) enum Digit {
+    /// This digit of the keys, the last one first.
+    OfKey(u32),
+    /// The view.
+    OfView,
+}
+
+/// The value of a constant of programs that work on `kind`; a round of a sort goes by `digit`. `None`: it has no such
+/// constant.
+pub(in crate::backend) fn constant(
+    prepared: &Prepared<'_>,
+    kind: Kind,
+    digit: Option<Digit>,
+    name: &str,
+) -> Option<u32> {
+    let Prepared { frame, planes, .. } = prepared;
+    let at = |place: Option<usize>| place.unwrap_or(0) as u32;
+    let parts = splat_parts(prepared, kind);
+    let swept = frame.swept.unwrap_or_default();
+    // The films of layers have a plane more, their depth.
+    let planes_of_layers = planes.count as u32 + 1;
+    Some(match name {
+        "SHIFT" => match digit {
+            Some(Digit::OfKey(number)) => number * DIGIT_BITS,
+            Some(Digit::OfView) | None => 0,
+        },
+        "BY_VIEW" => u32::from(digit == Some(Digit::OfView)),
+        "DEPTH_PLANE" => at(planes.depth),
+        "NORMAL_PLANE" => at(planes.normal),
+        "VELOCITY_PLANE" => at(planes.velocity),
+        // The weights are the coverage, plane 3, where they have no plane of their own.
+        "WEIGHT_PLANE" => planes.weight.unwrap_or(3) as u32,
+        "PLANES" if kind != Kind::Peel => planes.count as u32,
+        "PLANES" | "LAYER_PLANES" => planes_of_layers,
+        "MOST_LAYERS" => u32::from(LAYERS),
+        "APRONS" => u32::from(frame.has_filtered_kernels()),
+        "SPLATS" => parts,
+        // Bounds of lists are in the last part of filtered kernels, and behind the first one of kernels in motion.
+        "BOUNDS_PART" => {
+            if kind == Kind::Sweep {
+                1
+            } else {
+                parts - 1
+            }
+        }
+        "FLAGS_PART" => u32::from(matches!(kind, Kind::Sweep | Kind::Published)),
+        // How the depths of a tile lie (`shaders/common/depths.wgsl`).
+        "FILTERED" => match kind {
+            Kind::Sorted => u32::from(frame.has_filtered_kernels()),
+            _ => u32::from(kind.is_filtered(frame)),
+        },
+        // Layers that are peeled off have one limit for all objects.
+        "NEAREST" => u32::from(frame.keeps_nearest && matches!(kind, Kind::Paint | Kind::Sweep)),
+        "PEEL" => u32::from(kind == Kind::Peel),
+        "STRETCH" => match kind {
+            Kind::Sweep | Kind::Published | Kind::Sorted => u32::try_from(prepared.stretch).unwrap_or(u32::MAX),
+            Kind::Paint | Kind::Peel | Kind::Map => u32::MAX,
+        },
+        "GOURAUD" => u32::from(frame.shading == Shading::Gouraud),
+        "PHONG" => u32::from(frame.shading == Shading::Phong),
+        // Pixels along an edge of the environment; 0 where nothing mirrors it.
+        "FACE" => frame.surroundings.as_ref().map_or(0, |surroundings| surroundings.cube.face() as u32),
+        "SLICES" => {
+            if kind == Kind::Sweep {
+                frame.slices().max(1)
+            } else {
+                1
+            }
+        }
+        "SUM" => u32::from(frame.swept.is_some() && swept.alpha == TemporalAlpha::Sum),
+        "LINE" => u32::from(swept.weight == KernelWeight::Line),
+        "SOURCE_SAMPLES" => swept.source_samples.0,
+        "ELLIPSOID" => u32::from(kind == Kind::Published || swept.shape == KernelShape::Ellipsoid),
+        "BY_ELLIPSOID" => u32::from(swept.shape == KernelShape::Ellipsoid),
+        "CODED" => u32::from(frame.blending == Some(Blending::Coded)),
+        _ if kind == Kind::Sorted => return of_composite(prepared, name),
+        _ => return of_sums(kind.channels(prepared), name),
+    })
+}
+
 /// The channels of sums (`shaders/common/channels.wgsl`).
-pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
+fn of_sums(channels: &DeviceChannels, name: &str) -> Option<u32> {
     let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
     let shared = &channels.shared;
-    vec![
-        ("NORMAL", at(shared.normal)),
-        ("DEPTH", at(shared.depth)),
-        ("VELOCITY", at(shared.velocity)),
-        ("MATERIAL", at(shared.material)),
-        ("REFLECTION", at(shared.reflection)),
-        ("OPACITY", at(channels.opacity)),
-        ("SAMPLE_COVERAGE", at(channels.sample_coverage)),
-        ("PEAK", at(channels.peak)),
-        ("TOLERANCE", at(channels.tolerance)),
-        ("CHANNELS", channels.count as u32),
-        ("LAYERS", channels.layers as u32),
-        ("VALUES", channels.values),
-    ]
+    Some(match name {
+        "NORMAL" => at(shared.normal),
+        "DEPTH" => at(shared.depth),
+        "VELOCITY" => at(shared.velocity),
+        "MATERIAL" => at(shared.material),
+        "REFLECTION" => at(shared.reflection),
+        "OPACITY" => at(channels.opacity),
+        "SAMPLE_COVERAGE" => at(channels.sample_coverage),
+        "PEAK" => at(channels.peak),
+        "TOLERANCE" => at(channels.tolerance),
+        "CHANNELS" => channels.count as u32,
+        "LAYERS" => channels.layers as u32,
+        "VALUES" => channels.values,
+        _ => return None,
+    })
 }
 
-/// For `splat_values`.
-pub(super) fn value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
-    let mut constants = sum_constants(channels);
-    constants.push(("GOURAUD", u32::from(frame.shading == Shading::Gouraud)));
-    constants.push(face(frame));
-    constants
-}
-
-/// Pixels along an edge of the environment; 0 where nothing mirrors it.
-fn face(frame: &Frame) -> (&'static str, u32) {
-    ("FACE", frame.surroundings.as_ref().map_or(0, |surroundings| surroundings.cube.face() as u32))
-}
-
-/// How the depths of a tile lie (`shaders/common/depths.wgsl`). `peels`: layers are peeled off, which have one limit
-/// for all objects.
-pub(super) fn depth_constants(frame: &Frame, kernel: KernelKind, peels: bool) -> Constants {
-    let keeps_nearest = frame.keeps_nearest && !peels;
-    vec![
-        ("FILTERED", u32::from(kernel.is_filtered())),
-        ("NEAREST", u32::from(keeps_nearest)),
-        ("PEEL", u32::from(peels)),
-    ]
-}
-
-/// For pass `resolve` of kernels at instants.
-pub(super) fn paint_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
-    let mut constants = resolve_constants(frame, channels, planes);
-    constants.extend(depth_constants(frame, KernelKind::of(frame.prefilter), false));
-    constants
-}
-
-/// For the programs that make layers of what is peeled off. The films of layers have a plane more.
-pub(super) fn peel_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
-    let mut constants = resolve_constants(frame, channels, &FilmPlanes { count: planes.count + 1, ..*planes });
-    constants.extend(depth_constants(frame, KernelKind::Filtered, true));
-    constants.extend([("APRONS", u32::from(frame.has_filtered_kernels())), ("MOST_LAYERS", u32::from(LAYERS))]);
-    constants
-}
-
-/// For pass `attribute` of kernels in motion.
-pub(super) fn swept_constants(prepared: &Prepared<'_>, swept: SweptKernel) -> Constants {
-    let mut constants = sum_constants(&prepared.channels);
-    constants.push(("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)));
-    constants.push(stretch(prepared));
-    if swept.is_published() {
-        constants.push(("LINE", u32::from(swept.weight == KernelWeight::Line)));
-        constants.push(("SOURCE_SAMPLES", swept.source_samples.0));
-    } else {
-        constants.push(("BY_ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)));
-        constants.extend(slice_constants(prepared.frame));
-    }
-    constants
-}
-
-/// For pass `visibility` of kernels in motion.
-pub(super) fn swept_visibility_constants(prepared: &Prepared<'_>) -> Constants {
-    let mut constants = slice_constants(prepared.frame);
-    constants.push(stretch(prepared));
-    constants
-}
-
-fn slice_constants(frame: &Frame) -> Constants {
-    vec![("SLICES", frame.slices().max(1)), ("NEAREST", u32::from(frame.keeps_nearest))]
-}
-
-/// Entries of a stretch.
-fn stretch(prepared: &Prepared<'_>) -> (&'static str, u32) {
-    ("STRETCH", u32::try_from(prepared.stretch).unwrap_or(u32::MAX))
-}
-
-/// For passes `resolve`: channels, and where the planes of films are.
-fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
-    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
-    let mut constants = sum_constants(channels);
-    constants.extend([
-        ("PHONG", u32::from(frame.shading == Shading::Phong)),
-        ("DEPTH_PLANE", at(planes.depth)),
-        ("NORMAL_PLANE", at(planes.normal)),
-        ("VELOCITY_PLANE", at(planes.velocity)),
-        ("PLANES", planes.count as u32),
-        face(frame),
-    ]);
-    constants
-}
-
-/// What both passes after the sort need: channels, and where the planes of films are.
-fn channels_of_composite(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
-    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
-    vec![
-        ("CHANNELS", channels.composite.count as u32),
-        ("NORMAL", at(channels.composite.normal)),
-        ("DEPTH_PLANE", at(planes.depth)),
-        ("NORMAL_PLANE", at(planes.normal)),
-        ("VELOCITY_PLANE", at(planes.velocity)),
-        ("CODED", u32::from(frame.blending == Some(Blending::Coded))),
-    ]
-}
-
-/// For pass `composite`.
-pub(super) fn composite_constants(prepared: &Prepared<'_>) -> Constants {
-    let Prepared { frame, channels, planes, .. } = prepared;
+/// The channels of the composite of what is transparent, and whether Gaussians have a velocity.
+fn of_composite(prepared: &Prepared<'_>, name: &str) -> Option<u32> {
     let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
-    let mut constants = channels_of_composite(frame, channels, planes);
-    constants.extend([
-        ("OWN", channels.composite.own as u32),
-        ("FILTERED", u32::from(frame.has_filtered_kernels())),
-        ("OPEN", at(channels.composite.open)),
-        ("NEXT", at(channels.composite.next)),
-        ("MOST_LAYERS", u32::from(LAYERS)),
-        // The films of layers have a plane more.
-        ("PLANES", planes.count as u32 + 1),
-        stretch(prepared),
-    ]);
-    constants
+    let composite = &prepared.channels.composite;
+    Some(match name {
+        "CHANNELS" => composite.count as u32,
+        "OWN" => composite.own as u32,
+        "NORMAL" => at(composite.normal),
+        "OPEN" => at(composite.open),
+        "NEXT" => at(composite.next),
+        "VELOCITY" => u32::from(prepared.frame.aovs.contains(&Aov::Velocity)),
+        _ => return None,
+    })
 }
 
-/// For pass `resolve` of what is transparent.
-pub(super) fn transparent_resolve_constants(
-    frame: &Frame,
-    channels: &DeviceChannels,
-    planes: &FilmPlanes,
-) -> Constants {
-    let mut constants = channels_of_composite(frame, channels, planes);
-    constants.push(("PLANES", planes.count as u32));
-    constants
-}
-
-/// For pass `resolve` of kernels in motion.
-pub(super) fn swept_resolve_constants(
-    frame: &Frame,
-    swept: SweptKernel,
-    channels: &DeviceChannels,
-    planes: &FilmPlanes,
-) -> Constants {
-    let mut constants = resolve_constants(frame, channels, planes);
-    constants.extend([
-        ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-        // The weights are the coverage, plane 3, where they have no plane of their own.
-        ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-    ]);
-    constants
+/// Splats that fit into one of a kind of kernels.
+fn splat_parts(prepared: &Prepared<'_>, kind: Kind) -> u32 {
+    let bytes = match kind {
+        Kind::Sweep => size_of::<FilteredSplat>(),
+        Kind::Published => size_of::<SweptSplat>(),
+        Kind::Paint | Kind::Peel if kind.is_filtered(prepared.frame) => size_of::<EwaSplat>(),
+        Kind::Paint | Kind::Peel | Kind::Map | Kind::Sorted => size_of::<Splat>(),
+    };
+    (bytes / size_of::<Splat>()) as u32
 }

@@ -9,6 +9,7 @@ use super::film::DeviceFilm;
 use super::layout::Status;
 use super::memory::RasterFilm;
 use super::prepared::Prepared;
+use super::slots::Slot;
 use super::timestamps::Marks;
 use crate::backend::{BackendError, GpuCalls, Rendered, Stats};
 use crate::film::develop;
@@ -69,10 +70,16 @@ impl Gpu {
         let status_bytes = size_of::<Status>() as u64;
         grow(device, &mut landing.staging, "the film's copy", schedule.film_bytes + status_bytes)?;
         for run in &wanted {
-            encoder.copy_buffer_to_buffer(&buffers.film, run.start, &landing.staging, run.start, run.end - run.start);
+            encoder.copy_buffer_to_buffer(
+                &buffers[Slot::Film],
+                run.start,
+                &landing.staging,
+                run.start,
+                run.end - run.start,
+            );
         }
         let copied = status_bytes + wanted.iter().map(|run| run.end - run.start).sum::<u64>();
-        encoder.copy_buffer_to_buffer(&buffers.status, 0, &landing.staging, schedule.film_bytes, status_bytes);
+        encoder.copy_buffer_to_buffer(&buffers[Slot::Status], 0, &landing.staging, schedule.film_bytes, status_bytes);
         let submission = device.submit([encoder]);
         device.map(&landing.staging, copied);
         landing.marks.ask(device);

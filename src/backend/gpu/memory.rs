@@ -1,6 +1,7 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
-use super::layout::{DIGIT_BITS, DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS, stepped};
+use super::layout::{DIGIT_BITS, DeviceGaussian, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, stepped};
+use super::slots::Slot;
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::{Frame, PixelRect, Position, RasterArea};
@@ -119,6 +120,11 @@ impl CompositeChannels {
 }
 
 impl DeviceChannels {
+    /// Has a pixel several layers?
+    pub(in crate::backend) fn is_layered(&self) -> bool {
+        self.layers > 1
+    }
+
     pub(in crate::backend) fn of(frame: &Frame) -> Self {
         Self::with(frame, Channels::of(frame), if frame.has_filtered_kernels() { EWA_LAYERS } else { 1 })
     }
@@ -429,6 +435,29 @@ impl Schedule {
             peeled_bytes,
             layer_bytes,
         })
+    }
+
+    /// Bytes that a frame takes in the buffer of a slot, without the entries of lists.
+    pub(in crate::backend) fn bytes(&self, slot: Slot) -> u64 {
+        let (slots, band, map) = (self.round_slots, self.round_tiles, self.map_tiles);
+        match slot {
+            Slot::Splats => slots * self.splat_bytes,
+            Slot::Touched | Slot::Wide => 4 * slots,
+            Slot::Partials => 8 * slots.div_ceil(u64::from(WORKGROUP_ITEMS)),
+            Slot::Values => 4 * self.values * slots,
+            Slot::Starts => 4 * (band.max(map) + 2 + u64::from(VIEWS)),
+            Slot::Thresholds => (self.depth_bytes * band).max(THRESHOLD_BYTES * map),
+            Slot::Sums => 4 * TILE_PIXELS * self.sums * band,
+            Slot::Map => MAP_BYTES * map + self.slice_bytes * band,
+            Slot::CoverageMask => self.mask_bytes * band,
+            Slot::Gaussians => self.round_gaussians * size_of::<DeviceGaussian>() as u64,
+            Slot::Order => 4 * self.round_gaussians,
+            Slot::Opaque => self.opaque_bytes * band,
+            Slot::Peeled => self.peeled_bytes * band,
+            Slot::Layers => self.layer_bytes * band,
+            Slot::Film => self.film_bytes,
+            _ => 0,
+        }
     }
 
     /// The bands of raster `index`.

@@ -3,10 +3,12 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::buffers::grow;
+use wgpu::{Buffer, BufferBinding, BufferSize};
+
 use super::layout::{DeviceGaussian, TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule, makes_rounds};
 use super::models::ModelBuffer;
+use super::slots::Slot;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
@@ -105,8 +107,8 @@ impl Gpu {
         // The sort of Gaussians takes an entry for each.
         buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.round_gaussians))?;
         let wanted = wanted(frame);
-        grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
-        device.write(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
+        buffers.grow(device, Slot::Wanted, 4 * wanted.len() as u64)?;
+        device.write(&buffers[Slot::Wanted], 0, bytemuck::cast_slice(&wanted));
         let strips = frame.rasters.len() as u32 > frame.stride * frame.stride;
         let in_part = (frame.wanted.is_some() || strips) && frame.swept.is_none();
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
@@ -142,9 +144,10 @@ impl Gpu {
     /// Bytes of the largest buffer that grows with tiles and is bound whole, but for the map, of which a row of tiles
     /// may be larger than all others.
     pub(in crate::backend) fn most_bytes_of_tiles(&self) -> u64 {
-        let b = &self.state.buffers;
-        let all = [&b.sums, &b.thresholds, &b.coverage_mask, &b.opaque, &b.peeled, &b.layers];
-        all.map(wgpu::Buffer::size).into_iter().max().unwrap_or(0)
+        use Slot::{CoverageMask, Layers, Opaque, Peeled, Sums, Thresholds};
+        let bytes =
+            [Sums, Thresholds, CoverageMask, Opaque, Peeled, Layers].map(|slot| self.state.buffers[slot].size());
+        bytes.into_iter().max().unwrap_or(0)
     }
 
     /// Most groups of a round of a frame.
@@ -210,6 +213,13 @@ impl Prepared<'_> {
             }
         }
         runs
+    }
+
+    /// Part `index` of the film, as it is bound: the buffer may be larger than a binding.
+    pub(in crate::backend) fn film_part<'b>(&self, index: usize, film: &'b Buffer) -> BufferBinding<'b> {
+        let (offset, bytes) =
+            if self.binds_whole_film() { (0, self.schedule.film_bytes) } else { self.film_parts()[index] };
+        BufferBinding { buffer: film, offset, size: BufferSize::new(bytes) }
     }
 
     /// First byte and length of each band's part of the film.

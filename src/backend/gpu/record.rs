@@ -3,13 +3,13 @@
 use wgpu::CommandEncoder;
 
 use super::Gpu;
-use super::bind::SurfelPrograms;
-use super::paint::PaintStep;
+use super::bind::BoundPrograms;
+use super::passes::Program;
 use super::prepared::Prepared;
-use super::recorder::{Recorder, dispatch};
+use super::recorder::Recorder;
 use super::rounds::{Chunk, Task, walk};
-use super::see_through::SeeThroughStep;
-use super::steps::{MapStep, PublishedSweepStep, SweepStep};
+use super::slots::Slot;
+use super::steps::Kind;
 use super::timestamps::{Marks, Stage};
 use crate::backend::BackendError;
 use crate::plan::{LayerPass, MapPass, PaintPass, PublishedSweepPass, SweepPass};
@@ -22,29 +22,26 @@ impl Gpu {
         marks: &mut Marks,
     ) -> Result<CommandEncoder, BackendError> {
         let mut encoder = self.state.encoder();
-        encoder.clear_buffer(&self.state.buffers.film, 0, None);
-        encoder.clear_buffer(&self.state.buffers.status, 0, None);
-        let mut bound = None;
+        for slot in [Slot::Film, Slot::Status] {
+            encoder.clear_buffer(&self.state.buffers[slot], 0, None);
+        }
+        let mut bound = BoundPrograms::default();
         for (number, Chunk { tasks, upload }) in walk(prepared, self.state.buffers.entries).enumerate() {
             if number > 0 {
                 // What was uploaded for the chunk before is in use until that is submitted.
                 self.state.device.submit([encoder]);
                 encoder = self.state.encoder();
             }
-            if !upload.fits(&self.state.buffers) {
-                bound = None;
+            if number == 0 || !upload.fits(&self.state.buffers) {
+                self.fit(prepared, &upload)?;
+                bound = BoundPrograms::default();
             }
-            let programs = match bound {
-                Some(programs) => programs,
-                None => self.bind(prepared, &upload)?,
-            };
             upload.write(&self.state);
-            let mut recorder = Recorder::new(&self.state, &programs, marks, encoder);
+            let mut recorder = Recorder::new(prepared, &mut self.state, &mut bound, marks, encoder);
             for task in &tasks {
                 recorder.task(prepared, task)?;
             }
             encoder = recorder.end();
-            bound = Some(programs);
         }
         self.state.device.check()?;
         Ok(encoder)
@@ -54,44 +51,25 @@ impl Gpu {
 impl Recorder<'_> {
     /// Records a task.
     fn task(&mut self, prepared: &Prepared<'_>, task: &Task) -> Result<(), BackendError> {
-        let (programs, state) = (self.programs, self.state);
-        let unbound = || state.device.error("a step's programs were not bound");
         match task {
             Task::Paint { film, placed } => {
                 if prepared.frame.blending.is_some() {
                     // Something transparent is laid over it.
-                    self.encoder.clear_buffer(&state.buffers.opaque, 0, None);
+                    self.clear(Slot::Opaque);
                 }
-                let SurfelPrograms::Paint(of_step) = &programs.surfels else { return Err(unbound()) };
-                let step = PaintStep { programs: of_step, film: &programs.film[*film] };
-                self.run(&step, placed, PaintPass::order(prepared.channels.is_layered()));
+                self.run((Kind::Paint, *film), placed, PaintPass::order(prepared.channels.is_layered()))?;
             }
             Task::Peel(placed) => {
-                let Some(of_step) = &programs.see_through else { return Err(unbound()) };
-                let step = SeeThroughStep { programs: of_step, in_one_batch: placed.len() == 1 };
-                self.run(&step, placed, &LayerPass::order(prepared.frame.has_layers(true)));
+                self.run((Kind::Peel, 0), placed, &LayerPass::order(prepared.frame.has_layers(true)))?;
             }
-            Task::Composite { film, step } => {
-                let Some(of_step) = &programs.transparent else { return Err(unbound()) };
-                step.run(self, of_step, &programs.film[*film]);
-            }
-            Task::Sweep { film, placed } => {
-                let SurfelPrograms::Sweep(of_step) = &programs.surfels else { return Err(unbound()) };
-                let step = SweepStep { film: &programs.film[*film], programs: of_step };
-                self.run(&step, placed, &SweepPass::ORDER);
-            }
-            Task::Map(placed) => {
-                let SurfelPrograms::Published(of_step, _) = &programs.surfels else { return Err(unbound()) };
-                self.run(&MapStep { programs: of_step }, placed, &MapPass::ORDER);
-            }
+            Task::Composite { film, step } => step.run(self, *film)?,
+            Task::Sweep { film, placed } => self.run((Kind::Sweep, *film), placed, &SweepPass::ORDER)?,
+            Task::Map(placed) => self.run((Kind::Map, 0), placed, &MapPass::ORDER)?,
             Task::PublishedSweep { film, placed } => {
-                let SurfelPrograms::Published(_, of_step) = &programs.surfels else { return Err(unbound()) };
-                let step = PublishedSweepStep { film: &programs.film[*film], programs: of_step };
-                self.run(&step, placed, &PublishedSweepPass::ORDER);
+                self.run((Kind::Published, *film), placed, &PublishedSweepPass::ORDER)?;
             }
-            Task::Finish { film, view, tiles } => {
-                let Some(finish) = &programs.film[*film].finish else { return Err(unbound()) };
-                dispatch(&mut self.pass(Stage::Resolve), finish, *tiles, *view);
+            Task::Finish { film, placed } => {
+                self.programs(Stage::Resolve, (Kind::Sweep, *film), &[Program::Finish], placed)?;
             }
         }
         self.flush_if_long();

@@ -3,46 +3,49 @@
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::DeviceState;
-use super::bind::{BinPrograms, BoundProgram, BoundPrograms, ListPrograms, Round};
+use super::bind::{Binder, BoundProgram, BoundPrograms, Own, Use, rounds_of_tiles};
+use super::constants::Digit;
 use super::layout::{DIGIT_BITS, WORKGROUP_ITEMS};
 use super::memory::LONG;
+use super::passes::{Per, Program};
+use super::prepared::Prepared;
+use super::slots::Slot;
+use super::steps::{DevicePass, Kind};
 use super::timestamps::{Marks, Stage};
 use super::upload::{Placed, SurfelDispatch};
-use crate::plan::{BatchPass, TilePass};
+use crate::backend::BackendError;
+use crate::plan::BatchPass;
 
-/// What a step records, pass by pass.
-pub(in crate::backend) trait StepWork {
-    /// Its passes.
-    type Pass: TilePass;
-
-    /// The programs that make what its passes read.
-    fn lists(&self) -> &ListPrograms;
-
-    /// The stage that the time of `pass` counts for.
-    fn stage(pass: Self::Pass) -> Stage;
-
-    /// Records a pass of one batch.
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: Self::Pass, batch: &Placed);
-}
+/// Digits of a depth, 32 bits. Their sort ends in the first buffers.
+const DIGITS_OF_DEPTH: u32 = u32::BITS.div_ceil(DIGIT_BITS);
+const _: () = assert!(DIGITS_OF_DEPTH.is_multiple_of(2));
 
 /// Records a chunk of a frame.
 pub(in crate::backend) struct Recorder<'a> {
-    pub state: &'a DeviceState,
-    pub programs: &'a BoundPrograms,
-    pub marks: &'a mut Marks,
-    pub encoder: CommandEncoder,
+    binder: Binder<'a>,
+    marks: &'a mut Marks,
+    encoder: CommandEncoder,
     /// Slots of the lists that were recorded since the last submission.
     recorded: u64,
 }
 
+/// A call of a program, bound, with the offsets of its uniforms.
+struct Call {
+    program: BoundProgram,
+    offsets: Vec<u32>,
+    /// `None`: the device knows.
+    workgroups: Option<[u32; 3]>,
+}
+
 impl<'a> Recorder<'a> {
     pub(in crate::backend) fn new(
-        state: &'a DeviceState,
-        programs: &'a BoundPrograms,
+        prepared: &'a Prepared<'a>,
+        state: &'a mut DeviceState,
+        bound: &'a mut BoundPrograms,
         marks: &'a mut Marks,
         encoder: CommandEncoder,
     ) -> Self {
-        Self { state, programs, marks, encoder, recorded: 0 }
+        Self { binder: Binder { prepared, state, bound }, marks, encoder, recorded: 0 }
     }
 
     /// Submits what is recorded, if it is so much that a device would not answer for long, or if times of no more
@@ -53,10 +56,15 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Begins a pass, whose time counts for `stage`.
-    pub(in crate::backend) fn pass(&mut self, stage: Stage) -> ComputePass<'_> {
-        let timestamp_writes = self.marks.mark(stage);
-        self.encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes })
+    /// Fills a buffer with zeros.
+    pub(in crate::backend) fn clear(&mut self, slot: Slot) {
+        self.encoder.clear_buffer(&self.binder.state.buffers[slot], 0, None);
+    }
+
+    /// Copies the first bytes of a buffer, from byte `start`, to another.
+    pub(in crate::backend) fn copy(&mut self, (from, start): (Slot, u64), to: Slot, bytes: u64) {
+        let buffers = &self.binder.state.buffers;
+        self.encoder.copy_buffer_to_buffer(&buffers[from], start, &buffers[to], 0, bytes);
     }
 
     /// Ends the recording. What is recorded is not yet submitted.
@@ -69,117 +77,172 @@ impl<'a> Recorder<'a> {
     pub(in crate::backend) fn flush(&mut self) {
         self.marks.collect(&mut self.encoder);
         self.recorded = 0;
-        let done = std::mem::replace(&mut self.encoder, self.state.encoder());
-        self.state.device.submit([done]);
+        let done = std::mem::replace(&mut self.encoder, self.binder.state.encoder());
+        self.binder.state.device.submit([done]);
     }
 
-    /// Records the passes of a step. Passes that read lists run batch by batch.
-    pub(in crate::backend) fn run<W: StepWork>(&mut self, work: &W, batches: &[Placed], passes: &[W::Pass]) {
-        let Some(first) = batches.first() else { return };
+    /// Records the passes of a step on surfels. Passes that read lists run batch by batch. `of`: the step's kind, and
+    /// the part of the film that it writes.
+    pub(in crate::backend) fn run<P: DevicePass>(
+        &mut self,
+        of: (Kind, usize),
+        batches: &[Placed],
+        passes: &[P],
+    ) -> Result<(), BackendError> {
+        let Some(first) = batches.first() else { return Ok(()) };
         let mut at_hand = None;
         for &pass in passes {
             if !pass.reads_splats() {
-                self.record(work, pass, first);
+                self.record(of, pass, first, batches.len())?;
                 continue;
             }
             for (number, batch) in batches.iter().enumerate() {
                 if at_hand != Some(number) {
-                    self.make_lists(work, batch);
+                    for pass in BatchPass::ORDER {
+                        self.record_batch(of.0, pass, batch)?;
+                    }
                     at_hand = Some(number);
                 }
-                self.record(work, pass, batch);
+                self.record(of, pass, batch, batches.len())?;
                 self.flush_if_long();
             }
         }
+        Ok(())
     }
 
-    /// Records one pass of one batch.
-    pub(in crate::backend) fn record<W: StepWork>(&mut self, work: &W, pass: W::Pass, batch: &Placed) {
-        work.record(&mut self.pass(W::stage(pass)), pass, batch);
+    /// Records one pass of one batch of several.
+    pub(in crate::backend) fn record<P: DevicePass>(
+        &mut self,
+        (kind, film): (Kind, usize),
+        pass: P,
+        batch: &Placed,
+        batches: usize,
+    ) -> Result<(), BackendError> {
+        let programs = pass.programs(self.binder.prepared.frame, batches);
+        self.programs(pass.stage(), (kind, film), &programs, batch)
     }
 
-    /// Records the passes that make the splats of one batch, and their lists.
-    fn make_lists<W: StepWork>(&mut self, work: &W, batch: &Placed) {
-        for pass in BatchPass::ORDER {
-            match pass {
-                BatchPass::Project => self.project(work, batch),
-                BatchPass::Bin => self.bin(&work.lists().emit, batch),
-            }
+    /// Records a pass that makes the splats of a batch, or their lists.
+    pub(in crate::backend) fn record_batch(
+        &mut self,
+        kind: Kind,
+        pass: BatchPass,
+        batch: &Placed,
+    ) -> Result<(), BackendError> {
+        match pass {
+            BatchPass::Project => self.programs(Stage::Project, (kind, 0), &[kind.project()], batch),
+            BatchPass::Bin => self.bin(kind, batch),
         }
     }
 
-    /// Records pass `project` of one batch, or `sweep`.
-    pub(in crate::backend) fn project<W: StepWork>(&mut self, work: &W, batch: &Placed) {
-        of_surfels(&mut self.pass(Stage::Project), &work.lists().project, batch);
+    /// Records pass `bin` of one batch.
+    pub(in crate::backend) fn bin(&mut self, kind: Kind, batch: &Placed) -> Result<(), BackendError> {
+        self.recorded += u64::from(batch.slots);
+        let rounds = rounds_of_tiles(self.binder.prepared);
+        let mut calls = Vec::new();
+        for program in [Program::BinReduce, Program::BinScan, Program::BinEmit] {
+            self.add((kind, 0, Own::Nothing), program, batch, &mut calls)?;
+        }
+        // The last round writes the first buffers.
+        let rounds = (0..rounds).map(|round| (Digit::OfKey(round), (rounds - round).is_multiple_of(2)));
+        self.add_sort(kind, rounds, batch, &mut calls)?;
+        self.add((kind, 0, Own::Nothing), Program::BinStarts, batch, &mut calls)?;
+        self.calls(Stage::Bin, &calls);
+        Ok(())
     }
 
-    /// Records pass `bin` of one batch. `emit`: the program that emits its entries.
-    pub(in crate::backend) fn bin(&mut self, emit: &BoundProgram, batch: &Placed) {
-        let (state, BinPrograms { reduce, scan, sort, starts }) = (self.state, &self.programs.bin);
-        self.recorded += u64::from(batch.slots);
-        let recorder = &mut self.pass(Stage::Bin);
-        let groups = [batch.slots.div_ceil(WORKGROUP_ITEMS), 1];
-        dispatch(recorder, reduce, groups, batch.view);
-        dispatch(recorder, scan, [1, 1], batch.view);
-        dispatch(recorder, emit, groups, batch.view);
-        state.sort(recorder, sort, batch.view);
-        dispatch(recorder, starts, [(batch.round_tiles + 2 + batch.views).div_ceil(256), 1], batch.view);
+    /// Records a sort by depth of as many entries as the totals say; then by view, if wanted. It begins in the first
+    /// buffers.
+    pub(in crate::backend) fn sort(&mut self, by_view: bool, of: &Placed) -> Result<(), BackendError> {
+        let digits = (0..DIGITS_OF_DEPTH).map(Digit::OfKey).chain(by_view.then_some(Digit::OfView));
+        let mut calls = Vec::new();
+        self.add_sort(Kind::Sorted, digits.zip([true, false].into_iter().cycle()), of, &mut calls)?;
+        self.calls(Stage::Sort, &calls);
+        Ok(())
+    }
+
+    /// Records programs of a pass, one after the other.
+    pub(in crate::backend) fn programs(
+        &mut self,
+        stage: Stage,
+        (kind, film): (Kind, usize),
+        programs: &[Program],
+        batch: &Placed,
+    ) -> Result<(), BackendError> {
+        let mut calls = Vec::new();
+        for &program in programs {
+            self.add((kind, film, Own::Nothing), program, batch, &mut calls)?;
+        }
+        self.calls(stage, &calls);
+        Ok(())
+    }
+
+    /// Adds rounds of a sort: what each goes by, and whether it reads the first buffers.
+    fn add_sort(
+        &mut self,
+        kind: Kind,
+        rounds: impl Iterator<Item = (Digit, bool)>,
+        batch: &Placed,
+        calls: &mut Vec<Call>,
+    ) -> Result<(), BackendError> {
+        for (by, reads_first) in rounds {
+            for program in [Program::SortCount, Program::SortScan, Program::SortScatter] {
+                self.add((kind, 0, Own::Sort { by, reads_first }), program, batch, calls)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the calls of a program for a batch.
+    fn add(
+        &mut self,
+        (kind, film, own): (Kind, usize, Own),
+        program: Program,
+        batch: &Placed,
+        calls: &mut Vec<Call>,
+    ) -> Result<(), BackendError> {
+        let ([x, y], view) = (batch.tiles, batch.view);
+        let mut add = |own: Own, offsets: Vec<u32>, workgroups: Option<[u32; 3]>| {
+            let program = self.binder.program(program, Use { kind, film, own })?;
+            calls.push(Call { program, offsets, workgroups });
+            Ok(())
+        };
+        match program.row().per {
+            Per::Surfels => {
+                for &SurfelDispatch { object, buffer, table, workgroups } in &batch.surfels {
+                    add(Own::Model(object, buffer), vec![view, table], Some([workgroups, 1, 1]))?;
+                }
+                Ok(())
+            }
+            Per::Stretch => {
+                [view].iter().chain(&batch.later).try_for_each(|&view| add(own, vec![view], Some([x, y, batch.views])))
+            }
+            Per::Slots => add(own, vec![view], Some([batch.slots.div_ceil(WORKGROUP_ITEMS), 1, 1])),
+            Per::All => add(own, vec![view], Some([1; 3])),
+            Per::Entries => add(own, vec![view], None),
+            Per::Digit => add(own, vec![view], Some([1 << DIGIT_BITS, 1, 1])),
+            Per::Starts => add(own, vec![view], Some([(batch.round_tiles + 2 + batch.views).div_ceil(256), 1, 1])),
+            Per::Tile => add(own, vec![view], Some([x, y, batch.views])),
+            Per::TileBefore => add(own, vec![view, batch.backdrop], Some([x, y, batch.views])),
+        }
+    }
+
+    /// Records calls, whose time counts for `stage`.
+    fn calls(&mut self, stage: Stage, calls: &[Call]) {
+        let timestamp_writes = self.marks.mark(stage);
+        let pass: &mut ComputePass<'_> =
+            &mut self.encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
+        for Call { program, offsets, workgroups } in calls {
+            match workgroups {
+                Some(workgroups) => program.dispatch(pass, offsets, *workgroups),
+                None => program.dispatch_indirect(pass, offsets, &self.binder.state.buffers[Slot::Totals]),
+            }
+        }
     }
 }
 
 impl DeviceState {
     pub(in crate::backend) fn encoder(&self) -> CommandEncoder {
         self.device.handle.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
-    }
-
-    /// Records the rounds of a sort of as many entries as `totals` has.
-    pub(in crate::backend) fn sort(&self, recorder: &mut ComputePass<'_>, rounds: &[Round], view: u32) {
-        let totals = &self.buffers.totals;
-        for round in rounds {
-            round.count.dispatch_indirect(recorder, &[view], totals);
-            dispatch(recorder, &round.scan, [1 << DIGIT_BITS, 1], view);
-            round.scatter.dispatch_indirect(recorder, &[view], totals);
-        }
-    }
-}
-
-/// Records `groups` workgroups of a program, in columns and rows.
-pub(in crate::backend) fn dispatch(
-    recorder: &mut ComputePass<'_>,
-    program: &BoundProgram,
-    groups: [u32; 2],
-    view: u32,
-) {
-    program.dispatch(recorder, &[view], [groups[0], groups[1], 1]);
-}
-
-/// Records what makes the splats of a batch, or their values: a program for each surfel buffer of each object.
-pub(in crate::backend) fn of_surfels(recorder: &mut ComputePass<'_>, programs: &[Vec<BoundProgram>], batch: &Placed) {
-    of_buffers(recorder, programs, batch.view, &batch.surfels);
-}
-
-/// The same for any buffers of models.
-pub(in crate::backend) fn of_buffers(
-    recorder: &mut ComputePass<'_>,
-    programs: &[Vec<BoundProgram>],
-    view: u32,
-    dispatches: &[SurfelDispatch],
-) {
-    for &SurfelDispatch { object, buffer, table, workgroups } in dispatches {
-        programs[object][buffer].dispatch(recorder, &[view, table], [workgroups, 1, 1]);
-    }
-}
-
-/// Records a workgroup for each tile of each view of a round.
-pub(in crate::backend) fn of_views(recorder: &mut ComputePass<'_>, program: &BoundProgram, round: &Placed) {
-    let [x, y] = round.tiles;
-    program.dispatch(recorder, &[round.view], [x, y, round.views]);
-}
-
-/// The same for each stretch of the lists.
-pub(in crate::backend) fn in_stretches(recorder: &mut ComputePass<'_>, program: &BoundProgram, round: &Placed) {
-    let [x, y] = round.tiles;
-    for &view in [round.view].iter().chain(&round.later) {
-        program.dispatch(recorder, &[view], [x, y, round.views]);
     }
 }

@@ -42,8 +42,7 @@ pub(in crate::backend) enum Task {
     },
     Finish {
         film: usize,
-        view: u32,
-        tiles: [u32; 2],
+        placed: Placed,
     },
 }
 
@@ -172,7 +171,8 @@ impl<'a, I: Iterator> Walk<'a, I> {
             Step::Finish => {
                 round.close(chunk, entries);
                 let view = chunk.upload.add_views(&[place.job(0).view(entries)]);
-                chunk.tasks.push(Task::Finish { film, tiles: place.area().tiles, view });
+                let placed = Placed { view, views: 1, tiles: place.area().tiles, ..Placed::default() };
+                chunk.tasks.push(Task::Finish { film, placed });
             }
         }
     }

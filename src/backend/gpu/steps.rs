@@ -1,99 +1,181 @@
-//! Steps `Sweep` and `Published` of intervals: the passes that they record. Twins: `swept/sweep_group.rs`,
-//! `published/map_group.rs` and `published/sweep_group.rs` of `src/backend/cpu/`.
+//! What the passes of a plan are on the device: the kernels that a step works on, and the programs of each pass. Twins:
+//! `paint/group.rs`, `swept/sweep_group.rs`, `published/map_group.rs`, `published/sweep_group.rs` and
+//! `transparent/see_through/mod.rs` of `src/backend/cpu/`. Captures and volumes: [`transparent`](super::transparent).
 
-use wgpu::ComputePass;
-
-use super::bind::{FilmPart, ListPrograms, MapPrograms, PublishedPrograms, SweptPrograms};
-use super::recorder::{StepWork, in_stretches, of_surfels, of_views};
+use super::memory::DeviceChannels;
+use super::passes::{KernelKind, Program};
+use super::prepared::Prepared;
+use super::slots::Slot;
 use super::timestamps::Stage;
-use super::upload::Placed;
-use crate::plan::{MapPass, PublishedSweepPass, SweepPass};
+use crate::frame::Frame;
+use crate::options::Normalise;
+use crate::plan::{LayerPass, MapPass, PaintPass, PublishedSweepPass, SweepPass, TilePass};
 
-/// Step `Sweep`.
-pub(in crate::backend) struct SweepStep<'a> {
-    pub film: &'a FilmPart,
-    pub programs: &'a SweptPrograms,
+/// What the programs of a step work on. It decides their constants, and which buffers they bind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) enum Kind {
+    /// Opaque surfels at instants: step `Paint`, and instants of step `Published`.
+    Paint,
+    /// See-through surfels. Their passes are those of full EWA, with depths and films of their own. A tile of which
+    /// nothing is left does nothing.
+    Peel,
+    /// Kernels in motion: step `Sweep`.
+    Sweep,
+    /// The map of step `Published`.
+    Map,
+    /// An interval of step `Published`.
+    Published,
+    /// Captures and volumes, in the order of depth: step `Composite`.
+    Sorted,
 }
 
-impl StepWork for SweepStep<'_> {
-    type Pass = SweepPass;
-
-    fn lists(&self) -> &ListPrograms {
-        &self.programs.lists
-    }
-
-    fn stage(pass: SweepPass) -> Stage {
-        match pass {
-            SweepPass::Visibility => Stage::Visibility,
-            SweepPass::Attribute => Stage::Attribute,
-            SweepPass::Resolve => Stage::Resolve,
+impl Kind {
+    /// The kernels of surfels at instants.
+    pub(super) fn kernel(self, frame: &Frame) -> KernelKind {
+        match self {
+            Self::Peel => KernelKind::Filtered,
+            Self::Paint => KernelKind::of(frame.prefilter),
+            Self::Sweep | Self::Map | Self::Published | Self::Sorted => KernelKind::Disc,
         }
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Placed) {
-        match pass {
-            SweepPass::Visibility => in_stretches(recorder, &self.programs.visibility, batch),
-            SweepPass::Attribute => {
-                of_surfels(recorder, &self.programs.splat_values, batch);
-                in_stretches(recorder, &self.programs.attribute, batch);
-            }
-            SweepPass::Resolve => of_views(recorder, &self.film.resolve, batch),
+    /// Does a filter widen them? Then tiles have an apron.
+    pub(super) fn is_filtered(self, frame: &Frame) -> bool {
+        self.kernel(frame) == KernelKind::Filtered
+    }
+
+    /// The channels of their sums.
+    pub(super) fn channels<'a>(self, prepared: &'a Prepared<'_>) -> &'a DeviceChannels {
+        match &prepared.see_through {
+            Some(channels) if self == Self::Peel => channels,
+            _ => &prepared.channels,
+        }
+    }
+
+    /// What makes its splats.
+    pub(super) const fn project(self) -> Program {
+        match self {
+            Self::Paint | Self::Peel | Self::Map => Program::Project,
+            Self::Sweep => Program::Sweep,
+            Self::Published => Program::PublishedSweep,
+            Self::Sorted => Program::GaussianProject,
+        }
+    }
+
+    /// The buffer that a program binds for `slot`, where it is not the slot's own.
+    pub(super) fn other_slot(self, program: Program, slot: Slot, frame: &Frame) -> Slot {
+        match (self, slot) {
+            (Self::Peel, Slot::Film) => Slot::Layers,
+            // What names both asks opaque surfels.
+            (Self::Peel, Slot::Thresholds) if !program.row().slots().any(|slot| slot == Slot::Peeled) => Slot::Peeled,
+            // Something transparent is laid over it.
+            (Self::Paint, Slot::Film) if frame.blending.is_some() => Slot::Opaque,
+            _ => slot,
         }
     }
 }
 
-/// The map of step `Published`.
-pub(in crate::backend) struct MapStep<'a> {
-    pub programs: &'a MapPrograms,
+/// A pass of a step that works on batches of surfels.
+pub(in crate::backend) trait DevicePass: TilePass {
+    /// The entry that its time counts for.
+    fn stage(self) -> Stage;
+
+    /// Its programs, in order, of a step of so many batches.
+    fn programs(self, frame: &Frame, batches: usize) -> Vec<Program>;
 }
 
-impl StepWork for MapStep<'_> {
-    type Pass = MapPass;
-
-    fn lists(&self) -> &ListPrograms {
-        &self.programs.lists
+impl DevicePass for PaintPass {
+    fn stage(self) -> Stage {
+        match self {
+            Self::Visibility | Self::Second => Stage::Visibility,
+            Self::Attribute => Stage::Attribute,
+            Self::Resolve => Stage::Resolve,
+        }
     }
 
-    fn stage(_pass: MapPass) -> Stage {
+    fn programs(self, _frame: &Frame, _batches: usize) -> Vec<Program> {
+        match self {
+            Self::Visibility => vec![Program::Visibility],
+            Self::Second => vec![Program::Second],
+            Self::Attribute => vec![Program::SplatValues, Program::Attribute],
+            Self::Resolve => vec![Program::Resolve],
+        }
+    }
+}
+
+impl DevicePass for LayerPass {
+    fn stage(self) -> Stage {
+        match self {
+            Self::Start | Self::Visibility(_) | Self::Second(_) | Self::LeftOut => Stage::Visibility,
+            Self::Attribute(_) => Stage::Attribute,
+            Self::Resolve(_) => Stage::Resolve,
+        }
+    }
+
+    fn programs(self, _frame: &Frame, batches: usize) -> Vec<Program> {
+        match self {
+            Self::Start => vec![Program::PeelStart],
+            Self::Visibility(_) => vec![Program::Visibility],
+            Self::Second(_) => vec![Program::Second],
+            // The values of one batch stay from layer to layer.
+            Self::Attribute(1..) if batches == 1 => vec![Program::Attribute],
+            Self::Attribute(_) => vec![Program::SplatValues, Program::Attribute],
+            Self::Resolve(_) => vec![Program::PeelResolve],
+            Self::LeftOut => vec![Program::PeelLeftOut],
+        }
+    }
+}
+
+impl DevicePass for SweepPass {
+    fn stage(self) -> Stage {
+        match self {
+            Self::Visibility => Stage::Visibility,
+            Self::Attribute => Stage::Attribute,
+            Self::Resolve => Stage::Resolve,
+        }
+    }
+
+    fn programs(self, frame: &Frame, _batches: usize) -> Vec<Program> {
+        match self {
+            Self::Visibility => vec![Program::SweptVisibility],
+            Self::Attribute => vec![Program::SplatValues, Program::SweptAttribute],
+            Self::Resolve if pools(frame) => vec![Program::Pool],
+            Self::Resolve => vec![Program::SweptResolve],
+        }
+    }
+}
+
+impl DevicePass for MapPass {
+    fn stage(self) -> Stage {
         Stage::Visibility
     }
 
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: MapPass, batch: &Placed) {
-        let program = match pass {
-            MapPass::Visibility => &self.programs.visibility,
-            MapPass::Store => &self.programs.store,
-        };
-        of_views(recorder, program, batch);
+    fn programs(self, _frame: &Frame, _batches: usize) -> Vec<Program> {
+        match self {
+            Self::Visibility => vec![Program::Visibility],
+            Self::Store => vec![Program::StoreMap],
+        }
     }
 }
 
-/// An interval of step `Published`.
-pub(in crate::backend) struct PublishedSweepStep<'a> {
-    pub film: &'a FilmPart,
-    pub programs: &'a PublishedPrograms,
+impl DevicePass for PublishedSweepPass {
+    fn stage(self) -> Stage {
+        match self {
+            Self::Attribute => Stage::Attribute,
+            Self::Resolve => Stage::Resolve,
+        }
+    }
+
+    fn programs(self, frame: &Frame, _batches: usize) -> Vec<Program> {
+        match self {
+            Self::Attribute => vec![Program::SplatValues, Program::PublishedAttribute],
+            Self::Resolve if pools(frame) => vec![Program::PublishedPool],
+            Self::Resolve => vec![Program::PublishedResolve],
+        }
+    }
 }
 
-impl StepWork for PublishedSweepStep<'_> {
-    type Pass = PublishedSweepPass;
-
-    fn lists(&self) -> &ListPrograms {
-        &self.programs.lists
-    }
-
-    fn stage(pass: PublishedSweepPass) -> Stage {
-        match pass {
-            PublishedSweepPass::Attribute => Stage::Attribute,
-            PublishedSweepPass::Resolve => Stage::Resolve,
-        }
-    }
-
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: PublishedSweepPass, batch: &Placed) {
-        match pass {
-            PublishedSweepPass::Attribute => {
-                of_surfels(recorder, &self.programs.splat_values, batch);
-                in_stretches(recorder, &self.programs.attribute, batch);
-            }
-            PublishedSweepPass::Resolve => of_views(recorder, &self.film.resolve, batch),
-        }
-    }
+/// Are intervals pooled, and divided once?
+fn pools(frame: &Frame) -> bool {
+    frame.swept.is_some_and(|kernel| kernel.normalise == Normalise::Once)
 }

@@ -11,27 +11,28 @@
 use std::f32::consts::{LOG2_E, TAU};
 
 #[cfg(test)]
-use super::DeviceState;
-use super::bind::{Binder, BoundProgram, FilmPart, TransparentPrograms};
+use super::bind::BoundPrograms;
 use super::captures::{Run, runs};
-use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{Job, JobPlace};
 use super::layout::{
-    CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
-    FLAG_LIT, FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
+    CaptureSegment, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT,
+    FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
 };
+use super::passes::Program;
+#[cfg(test)]
 use super::prepared::Prepared;
-use super::programs::{Constants, Program, Slot};
-use super::recorder::{Recorder, dispatch, in_stretches, of_buffers};
+use super::recorder::Recorder;
+use super::slots::Slot;
+use super::steps::Kind;
 #[cfg(test)]
 use super::timestamps::Marks;
 use super::timestamps::Stage;
-use super::upload::{Placed, SurfelDispatch, Tables, Upload, join_films};
+use super::upload::{Placed, Tables, Upload, join_films};
 use crate::backend::BackendError;
-use crate::film::{Aov, Blending};
+use crate::film::Blending;
 use crate::frame::{Frame, PosedGroup};
 use crate::math::srgb;
-use crate::plan::{CompositePass, SlabPass};
+use crate::plan::{BatchPass, CompositePass, SlabPass};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 
@@ -41,45 +42,6 @@ const DILATION: f32 = 0.3;
 const FIELD: f32 = 1.3;
 /// Bytes of the totals of a sort.
 const TOTALS_BYTES: u64 = size_of::<[u32; 4]>() as u64;
-/// Bits of a depth.
-const DEPTH_BITS: u32 = 32;
-/// The sort of depths begins and ends in the first buffers.
-const ROUNDS: usize = DEPTH_BITS.div_ceil(DIGIT_BITS) as usize;
-const _: () = assert!(ROUNDS.is_multiple_of(2));
-
-impl Binder<'_> {
-    /// Binds the programs of captures and volumes. New lists go to the sort's buffers other than `emitted`.
-    pub(super) fn transparent_programs(
-        &mut self,
-        prepared: &Prepared<'_>,
-        emitted: usize,
-    ) -> Result<TransparentPrograms, BackendError> {
-        let Prepared { frame, gaussian_buffers, .. } = prepared;
-        let none = Constants::new();
-        let velocity = vec![("VELOCITY", u32::from(frame.aovs.contains(&Aov::Velocity)))];
-        Ok(TransparentPrograms {
-            project: self.of_models(Program::GaussianProject, &velocity, 1, gaussian_buffers)?,
-            emit: self.program(Program::BinEmit, &none, emitted, &[])?,
-            sort: (0..ROUNDS).map(|round| self.round(round, round % 2)).collect::<Result<_, _>>()?,
-            sort_by_view: [self.round_by(&vec![("BY_VIEW", 1)], 0)?],
-            gather: self.program(Program::Gather, &none, 0, &[])?,
-            // Sorted lists are in the first buffers.
-            composite: self.program(Program::Composite, &composite_constants(prepared), 1, &[])?,
-        })
-    }
-
-    /// Binds the program that adds what is transparent to a part of the film.
-    pub(super) fn over(
-        &mut self,
-        prepared: &Prepared<'_>,
-        part: wgpu::BufferBinding<'_>,
-    ) -> Result<BoundProgram, BackendError> {
-        let Prepared { frame, channels, planes, .. } = prepared;
-        let constants = transparent_resolve_constants(frame, channels, planes);
-        self.program(Program::TransparentResolve, &constants, 0, &[(Slot::Film, part)])
-    }
-}
-
 /// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection;
 /// `light`: the group's first light.
 fn segment(
@@ -169,12 +131,11 @@ struct PlacedSample {
     /// Slabs of depth, the nearest first. Each has the views of all groups; a round of several groups has one slab.
     slabs: Vec<Placed>,
     /// What projects Gaussians at the middles of groups, and at the samples themselves.
-    middle: Vec<SurfelDispatch>,
-    own: Vec<SurfelDispatch>,
+    middle: Placed,
+    own: Placed,
     /// Gaussians of all groups.
     slots: u32,
-    /// Where the background and the totals of the sort of depths are, bytes.
-    backdrop: u32,
+    /// Where the totals of the sort of depths are, bytes.
     totals: u32,
 }
 
@@ -219,25 +180,25 @@ impl TransparentStep {
         Self { samples: (0..samples).map(|sample| PlacedSample::new(&parts, sample, entries, upload)).collect() }
     }
 
-    /// Records all passes of all samples. A group has the order of its middle.
-    pub(in crate::backend) fn run(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, film: &FilmPart) {
+    /// Records all passes of all samples, for a part of the film. A group has the order of its middle.
+    pub(in crate::backend) fn run(&self, recorder: &mut Recorder<'_>, film: usize) -> Result<(), BackendError> {
         for (number, sample) in self.samples.iter().enumerate() {
             for pass in CompositePass::order(number == 0, self.samples.len() > 1) {
                 match pass {
-                    CompositePass::ProjectMiddle => sample.project(recorder, programs, &sample.middle),
-                    CompositePass::Sort => sample.sort(recorder, programs),
-                    CompositePass::Project => sample.project(recorder, programs, &sample.own),
+                    CompositePass::ProjectMiddle => project(recorder, &sample.middle)?,
+                    CompositePass::Sort => sample.sort(recorder)?,
+                    CompositePass::Project => project(recorder, &sample.own)?,
                     CompositePass::Composite => {
                         // Lists of a slab are composited before those of the next are made.
                         for (number, slab) in (1..).zip(&sample.slabs) {
-                            list(recorder, programs, slab);
+                            recorder.programs(Stage::Bin, (Kind::Sorted, 0), &[Program::Gather], slab)?;
+                            recorder.bin(Kind::Sorted, slab)?;
                             for pass in SlabPass::order(number == sample.slabs.len()) {
-                                match pass {
-                                    SlabPass::Composite => {
-                                        in_stretches(&mut recorder.pass(Stage::Composite), &programs.composite, slab);
-                                    }
-                                    SlabPass::Resolve => sample.resolve(recorder, film, slab),
-                                }
+                                let (stage, program) = match pass {
+                                    SlabPass::Composite => (Stage::Composite, Program::Composite),
+                                    SlabPass::Resolve => (Stage::Resolve, Program::TransparentResolve),
+                                };
+                                recorder.programs(stage, (Kind::Sorted, film), &[program], slab)?;
                             }
                         }
                     }
@@ -245,7 +206,13 @@ impl TransparentStep {
             }
             recorder.flush_if_long();
         }
+        Ok(())
     }
+}
+
+/// Records pass `project`.
+fn project(recorder: &mut Recorder<'_>, placed: &Placed) -> Result<(), BackendError> {
+    recorder.record_batch(Kind::Sorted, BatchPass::Project, placed)
 }
 
 impl PlacedSample {
@@ -253,7 +220,8 @@ impl PlacedSample {
     fn new(parts: &[Part<'_>], sample: usize, entries: u64, upload: &mut Upload) -> Self {
         let mut views = Vec::new();
         let [mut middles, mut own] = [Tables::default(), Tables::default()];
-        let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
+        let backdrop = upload.add_uniform(bytemuck::bytes_of(&backdrop(parts[0].job.place.prepared.frame)));
+        let mut placed = Placed { views: parts.len() as u32, backdrop, ..Placed::default() };
         for (number, part) in parts.iter().enumerate() {
             let (job, samples) = (&part.job, &part.job.group.samples);
             let of_group = job.view(entries);
@@ -307,56 +275,29 @@ impl PlacedSample {
             Placed { view, later: (1..stretches).map(of_stretch).collect(), slots, ..placed.clone() }
         };
         // Groups without Gaussians have a slab, too: their opaque pictures go to the film.
-        let slabs = (0..slots.max(1)).step_by(most as usize).map(&mut slab).collect();
+        let slabs: Vec<_> = (0..slots.max(1)).step_by(most as usize).map(&mut slab).collect();
         let totals: [u32; 4] = [slots.div_ceil(WORKGROUP_ITEMS), 1, 1, slots];
-        Self {
-            slabs,
-            middle: upload.add_tables(&middles),
-            own: upload.add_tables(&own),
-            slots,
-            backdrop: upload.add_uniform(bytemuck::bytes_of(&backdrop(prepared.frame))),
-            totals: upload.add_uniform(bytemuck::cast_slice(&totals)),
-        }
-    }
-
-    /// Records pass `project`.
-    fn project(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms, dispatches: &[SurfelDispatch]) {
-        of_buffers(&mut recorder.pass(Stage::Project), &programs.project, self.slabs[0].view, dispatches);
+        let totals = upload.add_uniform(bytemuck::cast_slice(&totals));
+        let [middle, own] =
+            [middles, own].map(|tables| Placed { surfels: upload.add_tables(&tables), ..slabs[0].clone() });
+        Self { slabs, middle, own, slots, totals }
     }
 
     /// Records pass `sort`, by the depths that were projected last.
-    fn sort(&self, recorder: &mut Recorder<'_>, programs: &TransparentPrograms) {
+    fn sort(&self, recorder: &mut Recorder<'_>) -> Result<(), BackendError> {
         if self.slots == 0 {
-            return;
+            return Ok(());
         }
-        let state = recorder.state;
-        let (b, &Placed { view, views, .. }) = (&state.buffers, &self.slabs[0]);
+        let slab = &self.slabs[0];
         // Pass `bin` writes its own.
-        recorder.encoder.copy_buffer_to_buffer(&b.uniforms, u64::from(self.totals), &b.totals, 0, TOTALS_BYTES);
-        let several = usize::from(views > 1);
-        {
-            let pass = &mut recorder.pass(Stage::Sort);
-            state.sort(pass, &programs.sort, view);
-            state.sort(pass, &programs.sort_by_view[..several], view);
-        }
-        // A round more ends in the other buffers.
-        recorder.encoder.copy_buffer_to_buffer(&b.lists[several], 0, &b.order, 0, 4 * u64::from(self.slots));
+        recorder.copy((Slot::Tables, u64::from(self.totals)), Slot::Totals, TOTALS_BYTES);
+        let by_view = slab.views > 1;
+        recorder.sort(by_view, slab)?;
+        // One round more ends in the other buffers.
+        let ends_in = if by_view { Slot::SortedList } else { Slot::List };
+        recorder.copy((ends_in, 0), Slot::Order, 4 * u64::from(self.slots));
+        Ok(())
     }
-
-    /// Records pass `resolve`.
-    fn resolve(&self, recorder: &mut Recorder<'_>, film: &FilmPart, slab: &Placed) {
-        let mut pass = recorder.pass(Stage::Resolve);
-        if let Some(over) = &film.over {
-            over.dispatch(&mut pass, &[slab.view, self.backdrop], [slab.tiles[0], slab.tiles[1], slab.views]);
-        }
-    }
-}
-
-/// Records pass `bin` of a slab: gathers its splats in the order of depth, and lists them.
-fn list(recorder: &mut Recorder<'_>, programs: &TransparentPrograms, slab: &Placed) {
-    let groups = [slab.slots.div_ceil(WORKGROUP_ITEMS), 1];
-    dispatch(&mut recorder.pass(Stage::Bin), &programs.gather, groups, slab.view);
-    recorder.bin(&programs.emit, slab);
 }
 
 const _: () = assert!(size_of::<DeviceGaussian>() == size_of::<crate::layout::Splat>());
@@ -376,27 +317,30 @@ impl super::Gpu {
         part.add_segments((0, false), (0, 0), &mut tables, &mut upload);
         let dispatches = upload.add_tables(&tables);
         let sample = PlacedSample::new(&[part], 0, self.state.buffers.entries, &mut upload);
-        let programs = self.bind(&prepared, &upload).unwrap();
+        self.fit(&prepared, &upload).unwrap();
         upload.write(&self.state);
-        let mut marks = Marks::new(&self.state.device).unwrap();
-        let (state, encoder) = (&self.state, self.state.encoder());
-        let mut recorder = Recorder::new(state, &programs, &mut marks, encoder);
-        sample.project(&mut recorder, programs.transparent.as_ref().unwrap(), &dispatches);
-        recorder.flush();
-        self.state.device.check().unwrap();
+        let placed = Placed { surfels: dispatches, ..sample.slabs[0].clone() };
+        self.recorded(&prepared, |recorder| project(recorder, &placed)).unwrap();
         sample.slots as usize
     }
 
     /// Makes room for a sort of `entries` entries.
     pub(in crate::backend) fn make_room_to_sort(&mut self, entries: u64) {
-        let DeviceState { device, buffers, .. } = &mut self.state;
+        let super::DeviceState { device, buffers, .. } = &mut self.state;
         buffers.fit_entries(device, entries).unwrap();
     }
 
-    /// The sort of depths.
-    pub(in crate::backend) fn rounds_of_depths(&mut self) -> Vec<super::bind::Round> {
-        let DeviceState { device, buffers, pipelines, groups, .. } = &mut self.state;
-        let mut binder = Binder { device, pipelines, groups, buffers };
-        (0..ROUNDS).map(|round| binder.round(round, round % 2).unwrap()).collect()
+    /// Records what is to be recorded, and submits it.
+    pub(in crate::backend) fn recorded(
+        &mut self,
+        prepared: &Prepared<'_>,
+        record: impl FnOnce(&mut Recorder<'_>) -> Result<(), BackendError>,
+    ) -> Result<(), BackendError> {
+        let mut marks = Marks::new(&self.state.device)?;
+        let (mut bound, encoder) = (BoundPrograms::default(), self.state.encoder());
+        let mut recorder = Recorder::new(prepared, &mut self.state, &mut bound, &mut marks, encoder);
+        record(&mut recorder)?;
+        recorder.flush();
+        self.state.device.check()
     }
 }

@@ -7,12 +7,13 @@ use bytemuck::Zeroable;
 
 use super::DeviceState;
 use super::batches::Batch;
-use super::buffers::{Buffers, TABLE_BYTES, grow};
+use super::buffers::Buffers;
 use super::device::Device;
 use super::job::Job;
 use super::layout::{
     CaptureSegment, Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, View, WORKGROUP_SURFELS, WORKGROUPS, lights,
 };
+use super::slots::{Slot, TABLE_BYTES};
 use crate::backend::BackendError;
 use crate::frame::PosedSample;
 use crate::plan::PosedInterval;
@@ -33,6 +34,8 @@ pub(in crate::backend) struct Placed {
     pub round_tiles: u32,
     /// What makes its splats.
     pub surfels: Vec<SurfelDispatch>,
+    /// Where the background behind what is transparent is, bytes.
+    pub backdrop: u32,
 }
 
 /// A dispatch over segments of one buffer of a model.
@@ -235,12 +238,12 @@ impl Upload {
 
     /// Is there room for it?
     pub(in crate::backend) fn fits(&self, buffers: &Buffers) -> bool {
-        buffers.views.size() >= self.views.len() as u64 + VIEW_BYTES
-            && buffers.uniforms.size() >= self.uniforms.len() as u64 + TABLE_BYTES
-            && buffers.segments.size() >= size_of_val(&self.segments[..]) as u64
-            && buffers.capture_segments.size() >= size_of_val(&self.captures[..]) as u64
-            && buffers.lights.size() >= size_of_val(&self.lights[..]) as u64
-            && buffers.moments.size() >= size_of_val(&self.moments[..]) as u64
+        buffers[Slot::Views].size() >= self.views.len() as u64 + VIEW_BYTES
+            && buffers[Slot::Tables].size() >= self.uniforms.len() as u64 + TABLE_BYTES
+            && buffers[Slot::Segments].size() >= size_of_val(&self.segments[..]) as u64
+            && buffers[Slot::CaptureSegments].size() >= size_of_val(&self.captures[..]) as u64
+            && buffers[Slot::Lights].size() >= size_of_val(&self.lights[..]) as u64
+            && buffers[Slot::Moments].size() >= size_of_val(&self.moments[..]) as u64
     }
 
     /// Makes room for it. Buffers that grow lose their content.
@@ -256,24 +259,24 @@ impl Upload {
             }
         }
         // The last offset is followed by all that a program binds.
-        grow(device, &mut buffers.views, "views", self.views.len() as u64 + VIEW_BYTES)?;
-        grow(device, &mut buffers.uniforms, "tables", self.uniforms.len() as u64 + TABLE_BYTES)?;
-        grow(device, &mut buffers.segments, "segments", poses[0])?;
-        grow(device, &mut buffers.capture_segments, "segments of captures", poses[1])?;
-        grow(device, &mut buffers.lights, "lights", size_of_val(&self.lights[..]) as u64)?;
-        grow(device, &mut buffers.moments, "moments", size_of_val(&self.moments[..]) as u64)
+        buffers.grow(device, Slot::Views, self.views.len() as u64 + VIEW_BYTES)?;
+        buffers.grow(device, Slot::Tables, self.uniforms.len() as u64 + TABLE_BYTES)?;
+        buffers.grow(device, Slot::Segments, poses[0])?;
+        buffers.grow(device, Slot::CaptureSegments, poses[1])?;
+        buffers.grow(device, Slot::Lights, size_of_val(&self.lights[..]) as u64)?;
+        buffers.grow(device, Slot::Moments, size_of_val(&self.moments[..]) as u64)
     }
 
     /// Writes it, before what is submitted next.
     pub(in crate::backend) fn write(&self, state: &DeviceState) {
         let (device, buffers) = (&state.device, &state.buffers);
         let parts: [(&wgpu::Buffer, &[u8]); 6] = [
-            (&buffers.views, &self.views),
-            (&buffers.uniforms, &self.uniforms),
-            (&buffers.segments, bytemuck::cast_slice(&self.segments)),
-            (&buffers.capture_segments, bytemuck::cast_slice(&self.captures)),
-            (&buffers.lights, bytemuck::cast_slice(&self.lights)),
-            (&buffers.moments, bytemuck::cast_slice(&self.moments)),
+            (&buffers[Slot::Views], &self.views),
+            (&buffers[Slot::Tables], &self.uniforms),
+            (&buffers[Slot::Segments], bytemuck::cast_slice(&self.segments)),
+            (&buffers[Slot::CaptureSegments], bytemuck::cast_slice(&self.captures)),
+            (&buffers[Slot::Lights], bytemuck::cast_slice(&self.lights)),
+            (&buffers[Slot::Moments], bytemuck::cast_slice(&self.moments)),
         ];
         for (buffer, bytes) in parts.into_iter().filter(|(_, bytes)| !bytes.is_empty()) {
             device.write(buffer, 0, bytes);

@@ -16,6 +16,7 @@ use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::lanes::Lanes;
 use crate::backend::gpu::layout::{Segment, TILE};
+use crate::backend::gpu::slots::Slot;
 use crate::frame::Frame;
 use crate::layout::{EwaSplat, Splat};
 use crate::options::{PixelFilter, Prefilter};
@@ -100,7 +101,7 @@ impl Both<'_> {
     /// Against the depths on the device; `seconds`: those behind T and the rim, else all others.
     fn compare_depths(&self, seconds: bool) -> Result<(), String> {
         let want = self.depths();
-        let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers.thresholds, want.len());
+        let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers[Slot::Thresholds], want.len());
         let floats = self.depth_floats();
         let mut tally = Tally::default();
         for (i, (got, want)) in got.iter().zip(&want).enumerate() {
@@ -127,7 +128,7 @@ impl Both<'_> {
         let channels = self.harness.prepared.channels;
         let (layers, count) = (channels.layers, channels.count);
         let floats = layers * count * PIXELS;
-        let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers.sums, self.tiles.len() * floats);
+        let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers[Slot::Sums], self.tiles.len() * floats);
         let mut tally = Tally::default();
         for ((got, host), tile) in got.chunks(floats).zip(&self.host).zip(&self.tiles) {
             let Some(host) = host else { continue };
@@ -161,7 +162,7 @@ impl Both<'_> {
             None => self.twins.sums(&none),
         };
         let sums: Vec<f32> = self.host.iter().flat_map(of_tile).flatten().flatten().collect();
-        self.harness.write(&self.harness.gpu.state.buffers.sums, &sums);
+        self.harness.write(&self.harness.gpu.state.buffers[Slot::Sums], &sums);
     }
 
     fn compare_film(&self) -> Result<(), String> {
@@ -170,7 +171,7 @@ impl Both<'_> {
         let want: Vec<f32> = self.host.iter().flat_map(film).collect();
         super::compare::compare(
             "film",
-            &self.harness.read(&self.harness.gpu.state.buffers.film, want.len()),
+            &self.harness.read(&self.harness.gpu.state.buffers[Slot::Film], want.len()),
             &want,
             |_| 1.0,
         )
@@ -205,13 +206,13 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]
     both.harness.run(Pass::Filter);
     slots.compare_splats(&both.harness).map_err(failed(Pass::Filter))?;
     slots.compare_lists(&both.harness).map_err(failed(Pass::Filter))?;
-    for &pass in PaintPass::order(true) {
+    for &pass in PaintPass::order(both.harness.prepared.channels.is_layered()) {
         spoil(&both.harness);
         slots.feed_splats(&both.harness);
         slots.feed_lists(&both.harness);
         if pass != PaintPass::Visibility {
             let depths: Vec<f32> = both.depths().iter().map(|t| if t.is_nan() { NONE } else { *t }).collect();
-            both.harness.write(&both.harness.gpu.state.buffers.thresholds, &depths);
+            both.harness.write(&both.harness.gpu.state.buffers[Slot::Thresholds], &depths);
         }
         if pass == PaintPass::Resolve {
             both.feed_sums();

@@ -14,6 +14,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::cpu::swept::SweepGroup;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
+use crate::backend::gpu::slots::Slot;
 use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
 use crate::options::Prefilter;
 use crate::plan::{Step, SweepPass};
@@ -77,23 +78,23 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let pass = Pass::Sweep(SweepPass::Visibility);
     harness.run(pass);
     let buffers = &harness.gpu.state.buffers;
-    let got: Vec<f32> = harness.read(&buffers.map, thresholds.len());
+    let got: Vec<f32> = harness.read(&buffers[Slot::Map], thresholds.len());
     compare("thresholds of slices", &got, &thresholds, |_| 1.0).map_err(failed(pass))?;
 
     let of_tile = |(&tile, slices): (_, &Vec<Vec<f32>>)| twins.attribute(&kernels, &filters, tile, slices);
     let sums: Vec<_> = on_band.iter().zip(&slices).map(of_tile).collect();
-    harness.write(&buffers.map, &thresholds.iter().map(|v| v.min(NONE)).collect::<Vec<_>>());
+    harness.write(&buffers[Slot::Map], &thresholds.iter().map(|v| v.min(NONE)).collect::<Vec<_>>());
     let pass = Pass::Sweep(SweepPass::Attribute);
     harness.run(pass);
     compare_sums(&harness, &sums).map_err(failed(pass))?;
 
     let buffers = &harness.gpu.state.buffers;
-    harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
-    harness.write(&buffers.coverage_mask, &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
+    harness.write(&buffers[Slot::Sums], &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
+    harness.write(&buffers[Slot::CoverageMask], &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
     let pass = Pass::Sweep(SweepPass::Resolve);
     harness.run(pass);
     let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums)).collect();
-    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, want.len() * PIXELS);
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Film], want.len() * PIXELS);
     compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(pass))
 }
 

@@ -7,19 +7,18 @@ use super::slots::Slots;
 use super::splat_twins::{Context, Posed, SplatTwins, Sums, whole};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::batches::Batch;
-use crate::backend::gpu::bind::{BoundPrograms, SurfelPrograms};
 use crate::backend::gpu::job::{Job, JobPlace};
 use crate::backend::gpu::layout::{Segment, TILE};
 use crate::backend::gpu::memory::Band;
-use crate::backend::gpu::paint::PaintStep;
 use crate::backend::gpu::prepared::Prepared;
-use crate::backend::gpu::recorder::{Recorder, StepWork};
-use crate::backend::gpu::steps::{MapStep, PublishedSweepStep, SweepStep};
-use crate::backend::gpu::timestamps::Marks;
+use crate::backend::gpu::recorder::Recorder;
+use crate::backend::gpu::slots::Slot;
+use crate::backend::gpu::steps::Kind;
 use crate::backend::gpu::upload::{Placed, Upload};
 use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
-use crate::plan::{MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
+use crate::options::SweptKernel;
+use crate::plan::{BatchPass, MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
 
 /// A pass of the device: of splats, of the map, of kernels in motion, or of filtered kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +51,6 @@ pub(super) struct Harness<'a> {
     pub frame: &'a Frame,
     pub twins: SplatTwins<'a>,
     pub prepared: Prepared<'a>,
-    programs: BoundPrograms,
     band: Band,
     /// The interval of the group, if it has one.
     swept: Option<PosedInterval>,
@@ -104,8 +102,8 @@ impl<'a> Harness<'a> {
             upload.place(&job, &batches, 0);
             (batches.pop()?, upload)
         };
-        let programs = gpu.bind(&prepared, &upload).unwrap_or_else(|e| panic!("{e}"));
-        Some(Self { gpu, frame, twins, prepared, programs, band, swept, batch })
+        gpu.fit(&prepared, &upload).unwrap_or_else(|e| panic!("{e}"));
+        Some(Self { gpu, frame, twins, prepared, band, swept, batch })
     }
 
     /// Uploads the group, on the band or on the map around it.
@@ -157,9 +155,15 @@ impl<'a> Harness<'a> {
     /// Writes what the passes before `pass` make, and spoils what it will write.
     pub(super) fn feed(&mut self, host: &Host<'_>, pass: Pass) {
         let buffers = &self.gpu.state.buffers;
-        let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums];
+        let spoilt = [
+            &buffers[Slot::Splats],
+            &buffers[Slot::Touched],
+            &buffers[Slot::Starts],
+            &buffers[Slot::Thresholds],
+            &buffers[Slot::Sums],
+        ];
         let mut encoder = self.gpu.state.encoder();
-        encoder.clear_buffer(&buffers.film, 0, None);
+        encoder.clear_buffer(&buffers[Slot::Film], 0, None);
         for buffer in spoilt {
             encoder.clear_buffer(buffer, 0, None);
         }
@@ -176,75 +180,40 @@ impl<'a> Harness<'a> {
             return;
         }
         let depths: Vec<f32> = host.depths().map(|t| t.min(NONE)).collect();
-        self.write(&buffers.thresholds, &depths);
+        self.write(&buffers[Slot::Thresholds], &depths);
         if pass == Pass::Splat(PaintPass::Attribute) {
             return;
         }
         let sums: Vec<f32> = host.sums.iter().flat_map(planes_of).flatten().collect();
-        self.write(&buffers.sums, &sums);
+        self.write(&buffers[Slot::Sums], &sums);
     }
 
     /// Runs one pass; what belongs to the map, on the map around the band.
     pub(super) fn run(&mut self, pass: Pass) {
         let on_map = self.swept.is_some() && matches!(pass, Pass::Project | Pass::Bin | Pass::Map(_));
         let placed = self.place(on_map);
-        let film = &self.programs.film[0];
-        let paint = |programs| PaintStep { programs, film };
-        match (&self.programs.surfels, pass) {
-            (SurfelPrograms::Paint(programs), pass) => match pass {
-                Pass::Project => self.lists(&paint(programs), &placed, true, false),
-                Pass::Bin => self.lists(&paint(programs), &placed, false, true),
-                Pass::Filter => self.lists(&paint(programs), &placed, true, true),
-                Pass::Splat(pass) | Pass::Ewa(pass) => self.record(&paint(programs), &placed, pass),
-                _ => unreachable!("not a pass of instants"),
-            },
-            (SurfelPrograms::Sweep(programs), Pass::MakeKernels) => {
-                self.lists(&SweepStep { film, programs }, &placed, true, true);
+        let published = self.frame.swept.is_some_and(SweptKernel::is_published);
+        let kind = match pass {
+            Pass::Project | Pass::Bin | Pass::Map(_) if on_map => Kind::Map,
+            Pass::MakeKernels if published => Kind::Published,
+            Pass::MakeKernels | Pass::Sweep(_) => Kind::Sweep,
+            Pass::PublishedSweep(_) => Kind::Published,
+            _ => Kind::Paint,
+        };
+        let [project, bin] = BatchPass::ORDER;
+        let record = |recorder: &mut Recorder<'_>| match pass {
+            Pass::Project => recorder.record_batch(kind, project, &placed),
+            Pass::Bin => recorder.record_batch(kind, bin, &placed),
+            Pass::MakeKernels | Pass::Filter => {
+                recorder.record_batch(kind, project, &placed)?;
+                recorder.record_batch(kind, bin, &placed)
             }
-            (SurfelPrograms::Sweep(programs), Pass::Sweep(pass)) => {
-                self.record(&SweepStep { film, programs }, &placed, pass);
-            }
-            (SurfelPrograms::Published(programs, _), Pass::Project) => {
-                self.lists(&MapStep { programs }, &placed, true, false);
-            }
-            (SurfelPrograms::Published(programs, _), Pass::Bin) => {
-                self.lists(&MapStep { programs }, &placed, false, true);
-            }
-            (SurfelPrograms::Published(programs, _), Pass::Map(pass)) => {
-                self.record(&MapStep { programs }, &placed, pass);
-            }
-            (SurfelPrograms::Published(_, programs), Pass::MakeKernels) => {
-                self.lists(&PublishedSweepStep { film, programs }, &placed, true, true);
-            }
-            (SurfelPrograms::Published(_, programs), Pass::PublishedSweep(pass)) => {
-                self.record(&PublishedSweepStep { film, programs }, &placed, pass);
-            }
-            _ => unreachable!("not a pass of the frame"),
-        }
-    }
-
-    fn recorded(&self, record: impl FnOnce(&mut Recorder<'_>)) {
-        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
-        let (state, programs) = (&self.gpu.state, &self.programs);
-        let mut recorder = Recorder::new(state, programs, &mut marks, state.encoder());
-        record(&mut recorder);
-        recorder.flush();
-        self.gpu.state.device.check().unwrap();
-    }
-
-    fn record<W: StepWork>(&self, work: &W, placed: &Placed, pass: W::Pass) {
-        self.recorded(|recorder| recorder.record(work, pass, placed));
-    }
-
-    fn lists<W: StepWork>(&self, work: &W, placed: &Placed, project: bool, bin: bool) {
-        self.recorded(|recorder| {
-            if project {
-                recorder.project(work, placed);
-            }
-            if bin {
-                recorder.bin(&work.lists().emit, placed);
-            }
-        });
+            Pass::Splat(pass) | Pass::Ewa(pass) => recorder.record((kind, 0), pass, &placed, 1),
+            Pass::Map(pass) => recorder.record((kind, 0), pass, &placed, 1),
+            Pass::Sweep(pass) => recorder.record((kind, 0), pass, &placed, 1),
+            Pass::PublishedSweep(pass) => recorder.record((kind, 0), pass, &placed, 1),
+        };
+        self.gpu.recorded(&self.prepared, record).unwrap();
     }
 
     pub(super) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {

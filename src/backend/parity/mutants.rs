@@ -8,7 +8,7 @@ use super::gpu_or_skip;
 use super::splats;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::lanes::Lanes;
-use crate::backend::gpu::programs::Program;
+use crate::backend::gpu::passes::Variant;
 
 /// Text of a program, what replaces it, and a case that must notice.
 pub(super) type Mutant = ([(&'static str, &'static str); 1], &'static str);
@@ -27,7 +27,7 @@ pub(super) fn all_are_noticed(
     let mut unnoticed = Vec::new();
     for (pair, name) in mutants {
         let [(from, to)] = pair;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        assert!(Variant::all().iter().any(|variant| variant.wgsl().contains(from)), "no program holds `{from}`");
         gpu.state.pipelines = intact.with(pair);
         match check(gpu, name) {
             Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
@@ -156,7 +156,7 @@ fn programs_that_round_otherwise_pass() {
     let Some(mut gpu) = gpu_or_skip("programs_that_round_otherwise_pass") else { return };
     gpu.state.pipelines = gpu.state.pipelines.with(&ROUNDED);
     for (from, _) in ROUNDED {
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        assert!(Variant::all().iter().any(|variant| variant.wgsl().contains(from)), "no program holds `{from}`");
     }
     for case in cases::all() {
         eprintln!("{}:", case.name);

@@ -7,6 +7,7 @@ use super::compare::{Tally, largest};
 use super::harness::{Harness, WIDE};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::layout::{Segment, TILE, WIDEST};
+use crate::backend::gpu::slots::Slot;
 use crate::layout::{EwaSplat, FilteredSplat, Splat, SweptFilter, SweptSplat};
 
 /// What a slot may hold.
@@ -186,23 +187,23 @@ impl<S: Slotted> Slots<S> {
     pub(super) fn feed_splats(&self, harness: &Harness<'_>) {
         let buffers = &harness.gpu.state.buffers;
         let splats: Vec<S> = self.splats.iter().map(|splat| splat.unwrap_or(S::zeroed())).collect();
-        harness.write(&buffers.splats, &splats);
-        harness.write(&buffers.touched, &self.touched);
+        harness.write(&buffers[Slot::Splats], &splats);
+        harness.write(&buffers[Slot::Touched], &self.touched);
     }
 
     /// Writes the lists to the device.
     pub(super) fn feed_lists(&self, harness: &Harness<'_>) {
         let buffers = &harness.gpu.state.buffers;
-        harness.write(&buffers.starts, &self.starts);
-        harness.write(&buffers.lists[0], &self.list);
-        harness.write(&buffers.wide, &self.wide);
+        harness.write(&buffers[Slot::Starts], &self.starts);
+        harness.write(&buffers[Slot::List], &self.list);
+        harness.write(&buffers[Slot::Wide], &self.wide);
     }
 
     /// Against the splats on the device.
     pub(super) fn compare_splats(&self, harness: &Harness<'_>) -> Result<(), String> {
         let buffers = &harness.gpu.state.buffers;
-        let touched: Vec<u32> = harness.read(&buffers.touched, self.touched.len());
-        let splats: Vec<S> = harness.read(&buffers.splats, self.splats.len());
+        let touched: Vec<u32> = harness.read(&buffers[Slot::Touched], self.touched.len());
+        let splats: Vec<S> = harness.read(&buffers[Slot::Splats], self.splats.len());
         let mut tally = Tally::default();
         for (slot, (want, got)) in self.splats.iter().zip(&splats).enumerate() {
             if touched[slot] != self.touched[slot] {
@@ -232,8 +233,8 @@ impl<S: Slotted> Slots<S> {
         let same = |what: &str, got: Vec<u32>, want: &[u32]| {
             if got == want { Ok(()) } else { Err(format!("{what}: {got:?}, not {want:?}")) }
         };
-        same("starts", harness.read(&buffers.starts, self.starts.len()), &self.starts)?;
-        same("list", harness.read(&buffers.lists[0], self.list.len()), &self.list)?;
-        same("wide", harness.read(&buffers.wide, self.wide.len()), &self.wide)
+        same("starts", harness.read(&buffers[Slot::Starts], self.starts.len()), &self.starts)?;
+        same("list", harness.read(&buffers[Slot::List], self.list.len()), &self.list)?;
+        same("wide", harness.read(&buffers[Slot::Wide], self.wide.len()), &self.wide)
     }
 }

@@ -1,32 +1,27 @@
 //! The sort of depths against the standard library's stable sort.
 
-use super::gpu_or_skip;
 use super::harness::read;
+use super::{cases, gpu_or_skip};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::WORKGROUP_ITEMS;
-use crate::backend::gpu::programs::Program;
+use crate::backend::gpu::passes::Variant;
+use crate::backend::gpu::slots::Slot;
+use crate::backend::gpu::upload::Placed;
 use crate::math::random::Random;
 
 /// The places of `keys` in their order, by the device.
 fn sorted(gpu: &mut Gpu, keys: &[u32]) -> Vec<u32> {
     let n = keys.len();
-    gpu.make_room_to_sort(n as u64);
-    let rounds = gpu.rounds_of_depths();
-    let buffers = &gpu.state.buffers;
-    let device = &gpu.state.device;
     let slots: Vec<u32> = (0..n as u32).collect();
     let totals = [(n as u32).div_ceil(WORKGROUP_ITEMS), 1, 1, n as u32];
-    device.write(&buffers.keys[0], 0, bytemuck::cast_slice(keys));
-    device.write(&buffers.lists[0], 0, bytemuck::cast_slice(&slots));
-    device.write(&buffers.totals, 0, bytemuck::cast_slice(&totals));
-    let mut encoder = gpu.state.encoder();
-    {
-        let mut recorder = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        gpu.state.sort(&mut recorder, &rounds, 0);
+    let frame = cases::all()[0].frame();
+    let prepared = gpu.prepare(&frame).unwrap();
+    gpu.make_room_to_sort(n as u64);
+    for (slot, numbers) in [(Slot::Keys, keys), (Slot::List, &slots), (Slot::Totals, &totals)] {
+        gpu.state.device.write(&gpu.state.buffers[slot], 0, bytemuck::cast_slice(numbers));
     }
-    device.submit([encoder]);
-    gpu.state.device.check().unwrap();
-    read(gpu, &buffers.lists[0], n)
+    gpu.recorded(&prepared, |recorder| recorder.sort(false, &Placed::default())).unwrap();
+    read(gpu, &gpu.state.buffers[Slot::List], n)
 }
 
 /// Sorts keys that are hard on a sort.
@@ -75,7 +70,7 @@ fn broken_sorts_are_noticed() {
     check(&mut gpu, &[1025]).unwrap_or_else(|what| panic!("{what}"));
     let intact = std::mem::take(&mut gpu.state.pipelines);
     for pair in &BROKEN {
-        assert!(Program::SortScatter.wgsl().contains(pair[0].0), "no program has {pair:?}");
+        assert!(Variant::all().iter().any(|variant| variant.wgsl().contains(pair[0].0)), "no program has {pair:?}");
         gpu.state.pipelines = intact.with(pair);
         // The last has more than 256 workgroups.
         let Err(what) = check(&mut gpu, &[1025, 300_000]) else { panic!("{pair:?} was not noticed") };

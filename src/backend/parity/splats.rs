@@ -7,11 +7,12 @@ use super::harness::{Harness, Host, NONE, PIXELS, Pass, UNWANTED, planes_of};
 use super::splat_twins::Context;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::lanes::Lanes;
+use crate::backend::gpu::slots::Slot;
 use crate::plan::PaintPass;
 
 fn visibility(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
     let want: Vec<f32> = host.depths().collect();
-    let depths: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, want.len());
+    let depths: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Thresholds], want.len());
     let mut tally = Tally::default();
     for (pixel, (got, want)) in depths.iter().zip(want).enumerate() {
         // Nobody reads the nearest depths of what is not wanted.
@@ -26,7 +27,7 @@ fn visibility(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
 
 fn attribute(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
     let channels = harness.prepared.channels.count;
-    let sums: Vec<f32> = harness.read(&harness.gpu.state.buffers.sums, host.sums.len() * channels * PIXELS);
+    let sums: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Sums], host.sums.len() * channels * PIXELS);
     let mut tally = Tally::default();
     for (tile, (got, want)) in sums.chunks(channels * PIXELS).zip(&host.sums).enumerate() {
         let want = planes_of(want);
@@ -44,7 +45,7 @@ fn attribute(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
 
 fn resolve(harness: &Harness<'_>, host: &Host<'_>) -> Result<(), String> {
     let planes = harness.prepared.planes.count;
-    let film: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, host.film.len() * planes * PIXELS);
+    let film: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Film], host.film.len() * planes * PIXELS);
     let mut tally = Tally::default();
     for (tile, (got, want)) in film.chunks(planes * PIXELS).zip(&host.film).enumerate() {
         for (plane, want) in want.iter().enumerate() {

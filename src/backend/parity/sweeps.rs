@@ -14,6 +14,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::cpu::published::{Map, MapGroup, PublishedSweepGroup};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
+use crate::backend::gpu::slots::Slot;
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
 use crate::plan::{MapPass, Published, PublishedSweepPass, Step};
@@ -24,8 +25,15 @@ use crate::time::FrameNumber;
 pub(super) fn spoil(harness: &Harness<'_>) {
     let buffers = &harness.gpu.state.buffers;
     let mut encoder = harness.gpu.state.encoder();
-    let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums, &buffers.map];
-    for buffer in spoilt.into_iter().chain([&buffers.coverage_mask, &buffers.film]) {
+    let spoilt = [
+        &buffers[Slot::Splats],
+        &buffers[Slot::Touched],
+        &buffers[Slot::Starts],
+        &buffers[Slot::Thresholds],
+        &buffers[Slot::Sums],
+        &buffers[Slot::Map],
+    ];
+    for buffer in spoilt.into_iter().chain([&buffers[Slot::CoverageMask], &buffers[Slot::Film]]) {
         encoder.clear_buffer(buffer, 0, None);
     }
     harness.gpu.state.device.submit([encoder]);
@@ -76,15 +84,15 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     slots.feed_lists(&harness);
     let pass = Pass::Map(MapPass::Visibility);
     harness.run(pass);
-    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, count);
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Thresholds], count);
     compare("thresholds", &got, &flat(&thresholds), |_| 1.0).map_err(failed(pass))?;
 
     let finite: Vec<f32> = thresholds.iter().flatten().map(|t| t.min(NONE)).collect();
-    harness.write(&harness.gpu.state.buffers.thresholds, &finite);
+    harness.write(&harness.gpu.state.buffers[Slot::Thresholds], &finite);
     let stored: Vec<_> = on_map.iter().zip(&thresholds).map(|(&tile, t)| map_twins.store(tile, t)).collect();
     let pass = Pass::Map(MapPass::Store);
     harness.run(pass);
-    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.map, count);
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Map], count);
     // Beyond the guard band the CPU stores nothing; no sources are there.
     let [width, height] = around.pixels.size();
     let inside = |i: usize| {
@@ -110,19 +118,19 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     slots.feed_splats(&harness);
     slots.feed_lists(&harness);
     let fed: Vec<f32> = stored.iter().flatten().map(|v| v.min(NONE)).collect();
-    harness.write(&harness.gpu.state.buffers.map, &fed);
+    harness.write(&harness.gpu.state.buffers[Slot::Map], &fed);
     let sums: Vec<_> = on_band.iter().map(|&tile| twins.attribute(&kernels, tile)).collect();
     let pass = Pass::PublishedSweep(PublishedSweepPass::Attribute);
     harness.run(pass);
     compare_sums(&harness, &sums).map_err(failed(pass))?;
 
     let buffers = &harness.gpu.state.buffers;
-    harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
-    harness.write(&buffers.coverage_mask, &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
+    harness.write(&buffers[Slot::Sums], &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
+    harness.write(&buffers[Slot::CoverageMask], &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
     let pass = Pass::PublishedSweep(PublishedSweepPass::Resolve);
     harness.run(pass);
     let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums)).collect();
-    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, want.len() * PIXELS);
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Film], want.len() * PIXELS);
     compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(pass))
 }
 
@@ -141,14 +149,14 @@ pub(super) fn mask_planes(sums: &SweptSums) -> Vec<Vec<u32>> {
 pub(super) fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String> {
     let buffers = &harness.gpu.state.buffers;
     let channels = harness.prepared.channels.count;
-    let got: Vec<f32> = harness.read(&buffers.sums, want.len() * channels * PIXELS);
+    let got: Vec<f32> = harness.read(&buffers[Slot::Sums], want.len() * channels * PIXELS);
     let values: Vec<f32> = want.iter().flat_map(|sums| flat(&sums.channels)).collect();
     // A sum's rounding goes with the sum of the weights.
     let weight = |i: usize| want[i / (channels * PIXELS)].channels[0][i % PIXELS];
     compare("sums", &got, &values, weight)?;
     let bits: Vec<u32> = want.iter().flat_map(mask_planes).flatten().collect();
     let masks = bits.len() / (want.len() * PIXELS);
-    let got: Vec<u32> = harness.read(&buffers.coverage_mask, bits.len());
+    let got: Vec<u32> = harness.read(&buffers[Slot::CoverageMask], bits.len());
     let (mut times, mut loose) = (Tally::default(), Tally::default());
     for (i, (&got, &want)) in got.iter().zip(&bits).enumerate() {
         if i / PIXELS % masks >= 2 {
@@ -180,7 +188,7 @@ static MUTANTS: [Mutant; 25] = [
     ([("max(begin.y, end.y)", "begin.y")], "chord"),
     ([("min(across.y, columns.y)", "across.y")], "chord"),
     ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard line"),
-    ([("SPLATS * slot + PART", "SPLATS * slot")], "chord"),
+    ([("SPLATS * slot + BOUNDS_PART", "SPLATS * slot")], "chord"),
     ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "chord"),
     ([("pixel - view.map_corner", "pixel")], "chord"),
     ([("let y = a * a - 1.0", "let y = a * b - 1.0")], "line"),

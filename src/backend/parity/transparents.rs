@@ -14,6 +14,7 @@ use crate::backend::cpu::transparent::view::GaussianView;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::lanes::Lanes;
 use crate::backend::gpu::layout::DeviceGaussian;
+use crate::backend::gpu::slots::Slot;
 use crate::backend::{Backend, BackendError};
 use crate::film::{Aov, Blending, Picture};
 use crate::frame::{Frame, PixelRect};
@@ -451,7 +452,7 @@ static MUTANTS: [Mutant; 138] = [
     ([("if OPEN != 0u { close_layer(sum, open, due); }", "")], "glass, fog"),
     ([("find_next(quad, i, number + 1u)", "find_next(quad, i, number + 2u)")], "glass"),
     ([("if layers[at + 3u * TILE_PIXELS] > 0.0 {", "if layers[at + 3u * TILE_PIXELS] > 0.5 {")], "glass"),
-    ([("layers[at + (PLANES - 1u) * TILE_PIXELS]", "NONE")], "glass"),
+    ([("layers[at + (LAYER_PLANES - 1u) * TILE_PIXELS]", "NONE")], "glass"),
     ([("colour = alpha\n            * vec3", "colour = vec3")], "glass"),
     ([("(*sum).depth[i] += through * ", "(*sum).depth[i] += ")], "glass, depth"),
     (
@@ -512,6 +513,6 @@ impl Gpu {
     fn projected(&mut self, frame: &Frame) -> (Vec<DeviceGaussian>, Vec<u32>) {
         let count = self.project_first(frame);
         let buffers = &self.state.buffers;
-        (read(self, &buffers.gaussians, count), read(self, &buffers.keys[0], count))
+        (read(self, &buffers[Slot::Gaussians], count), read(self, &buffers[Slot::Keys], count))
     }
 }

@@ -6,7 +6,7 @@ use wgpu::{BackendOptions, Backends, DeviceType, Instance, InstanceDescriptor, I
 
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::device::{Device, UNCHECKED};
-use crate::backend::gpu::programs::Pipelines;
+use crate::backend::gpu::pipelines::Pipelines;
 use crate::backend::parity::captures;
 use crate::backend::parity::cases::{ball, object, scene};
 use crate::backend::{Backend, GpuCalls};

@@ -10,23 +10,23 @@ use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess};
 
-use crate::backend::gpu::programs::Program;
+use crate::backend::gpu::passes::Variant;
 
-fn module(program: Program) -> Module {
+fn module(program: Variant) -> Module {
     let text = program.wgsl();
     wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&text)))
 }
 
 #[test]
 fn programs_are_valid() {
-    for program in Program::ALL {
+    for program in Variant::all() {
         let module = module(program);
         let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
         let info = valid.unwrap_or_else(|e| panic!("{}: {e:?}", program.entry()));
         // The table names the buffers that the program uses, and no others.
         let index = module.entry_points.iter().position(|entry| entry.name == program.entry()).unwrap();
         let uses = info.get_entry_point(index);
-        let (read, written) = program.buffers();
+        let row = program.program.row();
         let mut reached = BTreeSet::new();
         for (handle, global) in module.global_variables.iter() {
             let Some(binding) = &global.binding else { continue };
@@ -35,8 +35,11 @@ fn programs_are_valid() {
                 reached.insert((binding.binding, access.contains(StorageAccess::STORE)));
             }
         }
-        let table =
-            read.iter().map(|&slot| (slot as u32, false)).chain(written.iter().map(|&slot| (slot as u32, true)));
+        let table = row
+            .reads
+            .iter()
+            .map(|&slot| (slot as u32, false))
+            .chain(row.writes.iter().map(|&slot| (slot as u32, true)));
         assert_eq!(reached, table.collect(), "{}", program.entry());
         assert!(reached.len() <= 8, "{}: more buffers than every device has", program.entry());
     }

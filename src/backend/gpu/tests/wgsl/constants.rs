@@ -28,7 +28,7 @@ use crate::backend::gpu::layout::{
     Status, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, WORKGROUPS,
 };
 use crate::backend::gpu::memory::MASKS;
-use crate::backend::gpu::programs::Program;
+use crate::backend::gpu::passes::Variant;
 use crate::environment::cube::{DEVIATION, LAST_FACE};
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::Blocks;
@@ -167,7 +167,7 @@ fn constants_are_the_hosts() {
     let mut rest: BTreeMap<&str, Bits> = shared().into_iter().collect();
     assert_eq!(rest.len(), shared().len(), "a name stands twice");
     let mut found: BTreeMap<String, Bits> = BTreeMap::new();
-    for program in Program::ALL {
+    for program in Variant::all() {
         for (name, bits) in constants(&module(program)) {
             let before = found.insert(name.clone(), bits.clone());
             assert!(before.is_none_or(|before| before == bits), "{name} has two values in WGSL");

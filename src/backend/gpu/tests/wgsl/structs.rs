@@ -8,7 +8,7 @@ use naga::{AddressSpace, Handle, Module, Type, TypeInner};
 
 use super::module;
 use crate::backend::gpu::layout::{CaptureSegment, DeviceBackground, DeviceGaussian, Light, Segment, Status, View};
-use crate::backend::gpu::programs::Program;
+use crate::backend::gpu::passes::Variant;
 use crate::layout::{EwaSplat, FilteredSplat, Splat, SweptFilter, SweptSplat};
 
 /// Name and offset of each field in bytes, and the size.
@@ -218,7 +218,7 @@ fn in_buffers(module: &Module) -> BTreeSet<Handle<Type>> {
 fn structs_lie_where_the_host_puts_them() {
     let shared = shared();
     let mut met = BTreeMap::new();
-    for program in Program::ALL {
+    for program in Variant::all() {
         let module = module(program);
         for handle in in_buffers(&module) {
             let name = module.types[handle].name.clone().unwrap();

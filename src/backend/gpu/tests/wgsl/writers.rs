@@ -7,7 +7,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, ShaderStage};
 
 use super::module;
-use crate::backend::gpu::programs::Program;
+use crate::backend::gpu::passes::{KernelKind, Program, Variant};
 
 /// Bytes of workgroup memory that every device has (the default limit of WebGPU).
 const WORKGROUP_BYTES: u32 = 16 << 10;
@@ -20,7 +20,7 @@ const SETS: [&[(&str, f64)]; 3] = [
 ];
 
 /// A module whose constants are chosen.
-fn chosen(program: Program, set: &[(&str, f64)], write: impl FnOnce(&Module, &naga::valid::ModuleInfo)) {
+fn chosen(program: Variant, set: &[(&str, f64)], write: impl FnOnce(&Module, &naga::valid::ModuleInfo)) {
     let module = module(program);
     let validate = |module: &Module| {
         let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(module);
@@ -31,10 +31,9 @@ fn chosen(program: Program, set: &[(&str, f64)], write: impl FnOnce(&Module, &na
     let mut constants: PipelineConstants =
         set.iter().filter(|(name, _)| has(name)).map(|&(name, value)| (name.to_owned(), value)).collect();
     // A kind of kernels is always filtered, or never.
-    if let Program::Project(kernel) | Program::Visibility(kernel, _) | Program::Attribute(kernel, _) = program
-        && has("FILTERED")
-    {
-        constants.insert("FILTERED".to_owned(), f64::from(u8::from(kernel.is_filtered())));
+    if matches!(program.program, Program::Project | Program::Visibility | Program::Attribute) {
+        let filtered = program.kernel == KernelKind::Filtered;
+        constants.insert("FILTERED".to_owned(), f64::from(u8::from(filtered)));
     }
     let entry = Some((ShaderStage::Compute, program.entry()));
     let (module, info) = process_overrides(&module, &info, entry, &constants).unwrap();
@@ -43,7 +42,7 @@ fn chosen(program: Program, set: &[(&str, f64)], write: impl FnOnce(&Module, &na
 
 #[test]
 fn programs_are_written_for_metal_and_direct3d() {
-    for program in Program::ALL {
+    for program in Variant::all() {
         let entry_point = Some((ShaderStage::Compute, program.entry().to_owned()));
         for set in SETS {
             chosen(program, set, |module, info| {
@@ -66,7 +65,7 @@ fn programs_are_written_for_metal_and_direct3d() {
 
 #[test]
 fn programs_take_no_more_workgroup_memory_than_every_device_has() {
-    for program in Program::ALL {
+    for program in Variant::all() {
         for set in SETS {
             chosen(program, set, |module, _| {
                 let mut layouter = Layouter::default();

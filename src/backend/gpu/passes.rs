@@ -1,0 +1,414 @@
+//! The passes on the device, a row each: its WGSL, the buffers that it reads and writes, and what it runs over.
+
+use super::lanes::Lanes;
+use super::slots::Slot;
+use super::texts::texts;
+use crate::options::Prefilter;
+
+/// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) enum KernelKind {
+    /// A disc.
+    Disc,
+    /// A disc with a low-pass disc on the screen, as published.
+    LowPass,
+    /// A disc that the filter of full EWA widens.
+    Filtered,
+}
+
+/// A pass, or a part of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) enum Program {
+    Project,
+    BinReduce,
+    BinScan,
+    BinEmit,
+    SortCount,
+    SortScan,
+    SortScatter,
+    BinStarts,
+    Visibility,
+    Second,
+    SplatValues,
+    Attribute,
+    Resolve,
+    Sweep,
+    SweptVisibility,
+    SweptAttribute,
+    SweptResolve,
+    Pool,
+    Finish,
+    StoreMap,
+    PublishedSweep,
+    PublishedAttribute,
+    PublishedResolve,
+    PublishedPool,
+    GaussianProject,
+    Gather,
+    Composite,
+    TransparentResolve,
+    PeelStart,
+    PeelResolve,
+    PeelLeftOut,
+}
+
+/// What workgroups of a program are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::backend) enum Per {
+    /// Some surfels or Gaussians of a model, which a table lists in a second uniform.
+    Surfels,
+    /// Some slots.
+    Slots,
+    /// All slots.
+    All,
+    /// Some entries of lists; the device knows how many.
+    Entries,
+    /// A digit of a sort.
+    Digit,
+    /// Some tiles, whose lists begin there.
+    Starts,
+    /// A tile of a view.
+    Tile,
+    /// The same. The background is in a second uniform.
+    TileBefore,
+    /// A tile of a view, for each stretch of its list.
+    Stretch,
+}
+
+/// A row of the table.
+pub(in crate::backend) struct Row {
+    pub program: Program,
+    pub entry: &'static str,
+    /// Files of WGSL beside those that they include.
+    files: &'static [&'static str],
+    /// Kernels that it is compiled for; empty where it is the same for all.
+    kernels: &'static [KernelKind],
+    /// The last file, by lanes, where it differs.
+    by_lanes: Option<[&'static str; 2]>,
+    pub reads: &'static [Slot],
+    pub writes: &'static [Slot],
+    pub per: Per,
+}
+
+/// A program for a kind of kernels and lanes. Where they make no difference, they are the first ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) struct Variant {
+    pub program: Program,
+    pub kernel: KernelKind,
+    lanes: Lanes,
+}
+
+const KERNELS: &[KernelKind] = &[KernelKind::Disc, KernelKind::LowPass, KernelKind::Filtered];
+
+/// A row of a program that is the same for all kernels.
+const fn row(
+    (program, entry): (Program, &'static str),
+    files: &'static [&'static str],
+    per: Per,
+    reads: &'static [Slot],
+    writes: &'static [Slot],
+) -> Row {
+    Row { program, entry, files, kernels: &[], by_lanes: None, reads, writes, per }
+}
+
+use Slot::{
+    CaptureSegments, CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers,
+    Lights, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats,
+    Starts, Status, Sums, Thresholds, Totals, Touched, Values, Wanted, Wide, WrittenTotals,
+};
+
+/// All passes, in the order of [`Program`].
+pub(in crate::backend) static TABLE: [Row; 31] = [
+    Row {
+        kernels: KERNELS,
+        ..row(
+            (Program::Project, "project"),
+            &["paint/project.wgsl"],
+            Per::Surfels,
+            &[Geometry, Segments, Wanted],
+            &[Splats, Touched],
+        )
+    },
+    row((Program::BinReduce, "bin_reduce"), &["bin.wgsl"], Per::Slots, &[Touched], &[Partials]),
+    row((Program::BinScan, "bin_scan"), &["bin.wgsl"], Per::All, &[], &[Partials, WrittenTotals, Status]),
+    row(
+        (Program::BinEmit, "bin_emit"),
+        &["bin.wgsl"],
+        Per::Slots,
+        &[Splats, Touched, Totals, Wanted],
+        &[Partials, Keys, List, Wide],
+    ),
+    row(
+        (Program::SortCount, "sort_count"),
+        &["bin.wgsl"],
+        Per::Entries,
+        &[Totals, SortedKeys, SortedList],
+        &[Histogram],
+    ),
+    row((Program::SortScan, "sort_scan"), &["bin.wgsl"], Per::Digit, &[Totals], &[Histogram, DigitTotals]),
+    row(
+        (Program::SortScatter, "sort_scatter"),
+        &["bin.wgsl"],
+        Per::Entries,
+        &[Totals, SortedKeys, SortedList],
+        &[Histogram, DigitTotals, Keys, List],
+    ),
+    row((Program::BinStarts, "bin_starts"), &["bin.wgsl"], Per::Starts, &[Totals, SortedKeys], &[Wide, Starts, Status]),
+    Row {
+        kernels: KERNELS,
+        by_lanes: Some(["paint/visibility_quads.wgsl", "paint/visibility_pixels.wgsl"]),
+        ..row(
+            (Program::Visibility, "visibility"),
+            &["paint/visibility.wgsl"],
+            Per::Tile,
+            &[Segments, Splats, List, Wide, Starts, Wanted],
+            &[Thresholds],
+        )
+    },
+    Row {
+        kernels: &[KernelKind::Filtered],
+        by_lanes: Some(["paint/second_quads.wgsl", "paint/second_pixels.wgsl"]),
+        ..row(
+            (Program::Second, "second"),
+            &["paint/visibility.wgsl"],
+            Per::Tile,
+            &[Segments, Splats, List, Wide, Starts, Wanted],
+            &[Thresholds],
+        )
+    },
+    row(
+        (Program::SplatValues, "splat_values"),
+        &["values.wgsl"],
+        Per::Surfels,
+        &[Geometry, Looks, Segments, Lights, Splats, Touched, Environment],
+        &[Values],
+    ),
+    Row {
+        kernels: KERNELS,
+        by_lanes: Some(["paint/attribute_quads.wgsl", "paint/attribute_pixels.wgsl"]),
+        ..row(
+            (Program::Attribute, "sum_attributes"),
+            &["paint/attribute.wgsl"],
+            Per::Tile,
+            &[Segments, Splats, List, Wide, Starts, Thresholds, Values],
+            &[Sums],
+        )
+    },
+    row(
+        (Program::Resolve, "resolve"),
+        &["paint/resolve.wgsl"],
+        Per::Tile,
+        &[Lights, Thresholds, Sums, Environment, Starts],
+        &[Film],
+    ),
+    row(
+        (Program::Sweep, "sweep"),
+        &["swept/project.wgsl"],
+        Per::Surfels,
+        &[Geometry, Segments, Wanted],
+        &[Splats, Touched],
+    ),
+    row(
+        (Program::SweptVisibility, "swept_visibility"),
+        &["swept/visibility.wgsl"],
+        Per::Stretch,
+        &[Segments, Splats, List, Wide, Starts],
+        &[Map],
+    ),
+    row(
+        (Program::SweptAttribute, "swept_attribute"),
+        &["swept/attribute.wgsl"],
+        Per::Stretch,
+        &[Splats, List, Wide, Starts, Values, Map],
+        &[Sums, CoverageMask],
+    ),
+    row(
+        (Program::SweptResolve, "swept_resolve"),
+        &["swept/coverage.wgsl", "swept/resolve.wgsl"],
+        Per::Tile,
+        &[Lights, Sums, CoverageMask, Moments, Environment],
+        &[Film],
+    ),
+    row(
+        (Program::Pool, "pool"),
+        &["swept/coverage.wgsl", "swept/resolve.wgsl"],
+        Per::Tile,
+        &[Sums, CoverageMask, Moments],
+        &[Film],
+    ),
+    row((Program::Finish, "finish"), &["swept/coverage.wgsl", "swept/resolve.wgsl"], Per::Tile, &[], &[Film]),
+    row((Program::StoreMap, "store_map"), &["published/map.wgsl"], Per::Tile, &[Thresholds], &[Map]),
+    row(
+        (Program::PublishedSweep, "published_sweep"),
+        &["published/project.wgsl"],
+        Per::Surfels,
+        &[Geometry, Segments, Wanted],
+        &[Splats, Touched],
+    ),
+    row(
+        (Program::PublishedAttribute, "published_attribute"),
+        &["published/attribute.wgsl"],
+        Per::Stretch,
+        &[Splats, List, Wide, Starts, Values, Map],
+        &[Sums, CoverageMask],
+    ),
+    row(
+        (Program::PublishedResolve, "swept_resolve"),
+        &["published/coverage.wgsl", "swept/resolve.wgsl"],
+        Per::Tile,
+        &[Lights, Sums, CoverageMask, Moments, Environment],
+        &[Film],
+    ),
+    row(
+        (Program::PublishedPool, "pool"),
+        &["published/coverage.wgsl", "swept/resolve.wgsl"],
+        Per::Tile,
+        &[Sums, CoverageMask, Moments],
+        &[Film],
+    ),
+    row(
+        (Program::GaussianProject, "gaussian_project"),
+        &["transparent/project.wgsl"],
+        Per::Surfels,
+        &[Geometry, Looks, Lights, CaptureSegments],
+        &[Keys, List, Gaussians],
+    ),
+    row(
+        (Program::Gather, "gather"),
+        &["transparent/gather.wgsl"],
+        Per::Slots,
+        &[Gaussians, Order, Wanted],
+        &[Splats, Touched],
+    ),
+    row(
+        (Program::Composite, "composite"),
+        &["transparent/composite.wgsl"],
+        Per::Stretch,
+        &[Splats, List, Wide, Starts, Thresholds, Wanted, Layers],
+        &[Sums],
+    ),
+    row(
+        (Program::TransparentResolve, "transparent_resolve"),
+        &["transparent/resolve.wgsl"],
+        Per::TileBefore,
+        &[Sums, Opaque, Wanted],
+        &[Film],
+    ),
+    row(
+        (Program::PeelStart, "peel_start"),
+        &["transparent/peel.wgsl"],
+        Per::Tile,
+        &[Thresholds, Wanted],
+        &[Film, Peeled],
+    ),
+    row(
+        (Program::PeelResolve, "peel_resolve"),
+        &["transparent/peel.wgsl"],
+        Per::Tile,
+        &[Lights, Sums, Environment],
+        &[Film, Peeled],
+    ),
+    row((Program::PeelLeftOut, "peel_left_out"), &["transparent/peel.wgsl"], Per::Tile, &[], &[Status, Peeled]),
+];
+
+const _: () = {
+    let mut row = 0;
+    while row < TABLE.len() {
+        assert!(TABLE[row].program as usize == row);
+        row += 1;
+    }
+};
+
+impl KernelKind {
+    /// The kernels at instants of a frame.
+    pub(in crate::backend) const fn of(prefilter: Prefilter) -> Self {
+        match prefilter {
+            // A frame has chosen.
+            Prefilter::None | Prefilter::Auto => Self::Disc,
+            Prefilter::Approx => Self::LowPass,
+            Prefilter::Ewa => Self::Filtered,
+        }
+    }
+
+    /// The file of a stored kernel: its type, and functions of it.
+    const fn file(self) -> &'static str {
+        match self {
+            Self::Disc => "paint/disc.wgsl",
+            Self::LowPass => "published/low_pass.wgsl",
+            Self::Filtered => "paint/filtered.wgsl",
+        }
+    }
+}
+
+impl Row {
+    /// Number of its uniforms: the view, and a second one.
+    pub(in crate::backend) const fn uniforms(&self) -> usize {
+        match self.per {
+            Per::Surfels | Per::TileBefore => 2,
+            _ => 1,
+        }
+    }
+
+    /// The buffers that it binds.
+    pub(in crate::backend) fn slots(&self) -> impl Iterator<Item = Slot> {
+        self.reads.iter().chain(self.writes).copied()
+    }
+}
+
+impl Program {
+    pub(in crate::backend) fn row(self) -> &'static Row {
+        &TABLE[self as usize]
+    }
+
+    /// The program for kernels of a kind.
+    pub(in crate::backend) fn variant(self, kernel: KernelKind, lanes: Lanes) -> Variant {
+        let row = self.row();
+        Variant {
+            program: self,
+            kernel: if row.kernels.is_empty() { KernelKind::Disc } else { kernel },
+            lanes: if row.by_lanes.is_some() { lanes } else { Lanes::Quads },
+        }
+    }
+}
+
+impl Variant {
+    /// All of them.
+    #[cfg(test)]
+    pub(in crate::backend) fn all() -> Vec<Self> {
+        let mut all = Vec::new();
+        for row in &TABLE {
+            for kernel in KERNELS.iter().filter(|kernel| row.kernels.is_empty() || row.kernels.contains(kernel)) {
+                for lanes in Lanes::ALL {
+                    let variant = row.program.variant(*kernel, lanes);
+                    if !all.contains(&variant) {
+                        all.push(variant);
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// The name of its function.
+    pub(in crate::backend) fn entry(self) -> &'static str {
+        self.program.row().entry
+    }
+
+    /// Its texts of WGSL. What an invocation works on comes first, then its kernel; what is last differs by lanes.
+    pub(in crate::backend) fn texts(self) -> Vec<&'static str> {
+        let row = self.program.row();
+        let mut files = vec![match self.lanes {
+            Lanes::Quads => "common/quad.wgsl",
+            Lanes::Pixels => "common/pixel.wgsl",
+        }];
+        files.extend((!row.kernels.is_empty()).then(|| self.kernel.file()));
+        files.extend(row.files);
+        files.extend(row.by_lanes.map(|[quads, pixels]| if self.lanes == Lanes::Quads { quads } else { pixels }));
+        texts(&files)
+    }
+
+    /// All its texts.
+    pub(in crate::backend) fn wgsl(self) -> String {
+        self.texts().join("\n")
+    }
+}

@@ -1,0 +1,116 @@
+//! The buffers that passes exchange: the names under which programs bind them, and how long they are.
+
+use wgpu::BufferUsages;
+
+use super::layout::{CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEW_BYTES, WORKGROUPS};
+use crate::layout::FilteredSplat;
+
+/// A buffer. The number is its binding in group 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) enum Slot {
+    Geometry = 0,
+    Looks = 1,
+    /// Poses of surfels.
+    Segments = 2,
+    Lights = 3,
+    Splats = 4,
+    Touched = 5,
+    Partials = 6,
+    /// [`Slot::Totals`], by what writes them.
+    WrittenTotals = 7,
+    Status = 8,
+    /// Tiles and slots of entries. The sort moves them to and fro between these and [`Slot::SortedKeys`] and
+    /// [`Slot::SortedList`]; in the end they are here.
+    Keys = 9,
+    List = 10,
+    Wide = 11,
+    Starts = 12,
+    Histogram = 13,
+    DigitTotals = 14,
+    SortedKeys = 15,
+    SortedList = 16,
+    Thresholds = 17,
+    Values = 19,
+    Sums = 20,
+    Film = 21,
+    Totals = 22,
+    /// The visibility map of published kernels in motion; or the thresholds of slices of all others, and behind them,
+    /// where they are kept, the nearest depths.
+    Map = 24,
+    CoverageMask = 25,
+    Moments = 26,
+    /// The blocks of the image that are wanted.
+    Wanted = 27,
+    /// The Gaussians of all captures and volumes, at a time sample of each group of a round, and their slots in the
+    /// order of depth.
+    Gaussians = 32,
+    Order = 33,
+    /// The picture of a group's surfels, which what is transparent is laid over.
+    Opaque = 34,
+    /// Depths and covers of see-through surfels, while layers are peeled off; the films of those layers.
+    Peeled = 35,
+    Layers = 36,
+    /// What surfaces mirror.
+    Environment = 37,
+    /// Poses of Gaussians.
+    CaptureSegments = 38,
+    /// Views of a round, in group 0.
+    Views = 64,
+    /// Tables of workgroups; the background, and the totals of sorts. In group 0.
+    Tables = 65,
+}
+
+/// Bytes of the table of workgroups that a program binds.
+pub(in crate::backend) const TABLE_BYTES: u64 = 8 * WORKGROUPS as u64;
+/// Bytes of the moments of an interval.
+const MOMENT_BYTES: u64 = size_of::<[f32; 32]>() as u64;
+
+/// All buffers that are there at any time, each with its name in messages, and bytes to begin with: a buffer must hold
+/// one element of the largest type that it is bound as. Models have buffers of their own.
+pub(in crate::backend) const SLOTS: [(Slot, &str, u64); 32] = [
+    (Slot::Views, "views", VIEW_BYTES),
+    (Slot::Tables, "tables", TABLE_BYTES),
+    (Slot::Segments, "segments", size_of::<Segment>() as u64),
+    (Slot::CaptureSegments, "segments of captures", size_of::<CaptureSegment>() as u64),
+    (Slot::Lights, "lights", size_of::<Light>() as u64),
+    (Slot::Environment, "the environment", 0),
+    (Slot::Splats, "splats", size_of::<FilteredSplat>() as u64),
+    (Slot::Touched, "tile counts", 0),
+    (Slot::Partials, "tile counts", 0),
+    (Slot::Totals, "totals", 32),
+    (Slot::Status, "status", size_of::<Status>() as u64),
+    (Slot::Wide, "lists", 0),
+    (Slot::Values, "attributes", 0),
+    (Slot::Keys, "lists", 0),
+    (Slot::List, "lists", 0),
+    (Slot::SortedKeys, "lists", 0),
+    (Slot::SortedList, "lists", 0),
+    (Slot::Histogram, "lists", 0),
+    (Slot::DigitTotals, "totals", 4 << DIGIT_BITS),
+    (Slot::Starts, "lists", 0),
+    (Slot::Thresholds, "thresholds", 0),
+    (Slot::Sums, "sums", 0),
+    (Slot::Map, "the map", 0),
+    (Slot::CoverageMask, "coverage masks", 0),
+    (Slot::Moments, "moments", MOMENT_BYTES),
+    (Slot::Film, "the film's planes", 0),
+    (Slot::Gaussians, "splats of captures", size_of::<DeviceGaussian>() as u64),
+    (Slot::Order, "splats of captures", 0),
+    (Slot::Opaque, "the opaque picture", 0),
+    (Slot::Peeled, "see-through surfels", 0),
+    (Slot::Layers, "see-through surfels", 0),
+    (Slot::Wanted, "blocks", 0),
+];
+
+impl Slot {
+    /// What its buffer is for.
+    pub(in crate::backend) const fn usage(self) -> BufferUsages {
+        let storage = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
+        match self {
+            Self::Views => BufferUsages::UNIFORM.union(BufferUsages::COPY_DST),
+            Self::Tables => BufferUsages::UNIFORM.union(BufferUsages::COPY_DST).union(BufferUsages::COPY_SRC),
+            Self::Totals => storage.union(BufferUsages::INDIRECT),
+            _ => storage,
+        }
+    }
+}
