@@ -27,7 +27,7 @@ pub(super) mod tile_runner;
 pub(super) mod tiles;
 pub(super) mod transparent;
 pub(super) mod values;
-mod waste;
+pub(super) mod waste;
 
 use std::collections::VecDeque;
 use std::sync::Arc;

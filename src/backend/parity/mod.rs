@@ -29,5 +29,6 @@ mod sweep_twins;
 mod sweeps;
 mod tiles_of_edge;
 mod transparents;
+mod waste;
 
 use super::gpu::tests::gpu_or_skip;

@@ -20,4 +20,4 @@ pub(in crate::backend::cpu) use self::buffers::{APRON_STRIDE, DepthLayer, PEAK, 
 pub(in crate::backend) use self::group::{PaintGroup, Painted};
 pub(in crate::backend) use self::kernel::{Kernel, RasterRays, Seen};
 pub(in crate::backend::cpu) use self::visibility::{find_open, visibility};
-pub(in crate::backend::cpu) use self::waste::of_splats as waste_of;
+pub(in crate::backend) use self::waste::of_splats as waste_of;

@@ -1,0 +1,91 @@
+//! Bounds of splats waste no more on the device than on the CPU: pixels within them, over those that splats cover.
+
+use super::ewa_twins::EwaTwins;
+use super::gpu_or_skip;
+use super::harness::{Harness, Pass};
+use super::mutants::{Mutant, all_are_noticed};
+use super::splat_twins::{Context, whole};
+use crate::backend::Waste;
+use crate::backend::cpu::paint::{PaintGroup, RasterRays, waste_of};
+use crate::backend::cpu::waste::whole as all_pixels;
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::layout::TILE;
+use crate::backend::gpu::slots::Slot;
+use crate::frame::Frame;
+use crate::layout::EwaSplat;
+use crate::options::{BlurMode, RenderOptions};
+use crate::scene::Scene;
+
+/// Share by which the device may waste more.
+const MOST: f64 = 1.05;
+
+/// The waste of the surfels of a frame, on the device and on the CPU; `None` where it has none.
+fn wastes(gpu: &mut Gpu, frame: &Frame) -> Option<[Waste; 2]> {
+    let context = Context::of(frame);
+    let mut harness = Harness::new(gpu, frame, &context)?;
+    harness.run(Pass::Filter);
+    let buffers = &harness.gpu.state.buffers;
+    let slots = harness.batch.slots as usize;
+    let touched: Vec<u32> = harness.read(&buffers[Slot::Touched], slots);
+    let splats: Vec<EwaSplat> = harness.read(&buffers[Slot::Splats], slots);
+    let devices = splats.into_iter().zip(touched).filter(|(_, touched)| *touched > 0).map(|(splat, _)| splat).collect();
+    let position = &frame.rasters[0].positions[0];
+    let scope = context.scope(frame, position, &position.groups[0], whole(position));
+    let twins = EwaTwins { group: PaintGroup::new(scope), edge: TILE as usize };
+    let cpus = twins.project().into_iter().flat_map(|posed| posed.splats).collect();
+    // Depths are known around the pixels, too.
+    let (raster, mut band) = (&position.raster, whole(position));
+    band.pixels = band.pixels.widened(raster.apron() as i32, raster.size);
+    let rays = RasterRays::new(frame.near, raster);
+    Some([devices, cpus].map(|splats: Vec<EwaSplat>| waste_of(&splats, &all_pixels(&band), &rays)))
+}
+
+/// A shipped scene at a frame, all surfels at one instant. False if it has no surfels, or too many.
+fn check(gpu: &mut Gpu, name: &str, number: i64) -> Result<bool, String> {
+    let scene = Scene::load(format!("scenes/{name}.xml")).unwrap();
+    let mut frame = Frame::new(&scene, number, BlurMode::Still { pixel_samples: 1 }, &RenderOptions::default());
+    // Room for all surfels in one batch; a program can bind so many.
+    frame.memory = u64::MAX >> 8;
+    let models = frame.objects.iter().filter_map(|object| object.shape.surfels());
+    if models.map(|model| model.surfels().len()).sum::<usize>() > 1 << 20 {
+        return Ok(false);
+    }
+    let Some([device, cpu]) = wastes(gpu, &frame) else { return Ok(false) };
+    for (pass, device, cpu) in
+        [("visibility", device.visibility, cpu.visibility), ("attribute", device.attribute, cpu.attribute)]
+    {
+        let [device, cpu] = [device, cpu].map(|pixels| pixels.waste().unwrap());
+        eprintln!("{name}, {pass}: {device:.4}, on the CPU {cpu:.4}");
+        if device > MOST * cpu {
+            return Err(format!("{name}, {pass}: {device:.4}, on the CPU {cpu:.4}"));
+        }
+    }
+    Ok(true)
+}
+
+#[test]
+#[ignore = "deep: whole pictures"]
+fn bounds_waste_no_more_than_the_cpus() {
+    let Some(mut gpu) = gpu_or_skip("bounds_waste_no_more_than_the_cpus") else { return };
+    let mut scenes = 0;
+    for file in std::fs::read_dir("scenes").unwrap().map(|file| file.unwrap().path()) {
+        if file.extension().is_some_and(|extension| extension == "xml") {
+            let name = file.file_stem().unwrap().to_str().unwrap();
+            scenes += usize::from(check(&mut gpu, name, 4).unwrap_or_else(|what| panic!("{what}")));
+        }
+    }
+    assert!(scenes >= 15, "{scenes} scenes");
+}
+
+/// Wider bounds change no picture.
+static WIDER: [Mutant; 2] = [
+    ([("ux * u.z + vx * v.z, 1.0 / d22, 0.0)", "ux * u.z + vx * v.z, 1.0 / d22, 4.0)")], "crossing"),
+    ([("disc + reach);", "2.0 * (disc + reach)) + reach;")], "crossing"),
+];
+
+#[test]
+#[ignore = "deep: broken programs"]
+fn wider_bounds_are_noticed() {
+    let Some(mut gpu) = gpu_or_skip("wider_bounds_are_noticed") else { return };
+    all_are_noticed(&mut gpu, &WIDER, |gpu, name| check(gpu, name, 4).map(|_| ()));
+}
