@@ -74,7 +74,7 @@ pub(in crate::backend) enum Own {
     },
 }
 
-/// The programs that were bound since buffers grew.
+/// The programs that were bound since the frame began, or since buffers grew.
 #[derive(Debug, Default)]
 pub(in crate::backend) struct BoundPrograms(HashMap<(Program, Use), BoundProgram>);
 
@@ -86,7 +86,7 @@ pub(in crate::backend) struct Binder<'a> {
 }
 
 impl Gpu {
-    /// Makes room for what is uploaded.
+    /// Makes room for what is uploaded, uploads the environment, and begins a round of bind groups.
     pub(in crate::backend) fn fit(&mut self, prepared: &Prepared<'_>, upload: &Upload) -> Result<(), BackendError> {
         let DeviceState { device, buffers, groups, .. } = &mut self.state;
         upload.fit(device, buffers)?;
@@ -130,7 +130,7 @@ impl Binder<'_> {
         }
         let pipeline = pipelines.get(device, variant, constants)?;
         let layouts = pipelines.layouts(device, program).clone();
-        // Lists are used in the first buffers of entries. They are emitted where the sort begins that ends there.
+        // Lists are emitted into the buffers from which the sort ends in the first ones.
         let in_first = |slot: Slot| match of.own {
             Own::Sort { reads_first, .. } => reads_first == matches!(slot, Slot::SortedKeys | Slot::SortedList),
             _ => program != Program::BinEmit || rounds_of_tiles(prepared).is_multiple_of(2),

@@ -70,7 +70,7 @@ pub(in crate::backend) enum Per {
     /// A tile of a view.
     Tile,
     /// The same. The background is in a second uniform.
-    TileBefore,
+    TileAndBackground,
     /// A tile of a view, for each stretch of its list.
     Stretch,
 }
@@ -88,6 +88,8 @@ pub(in crate::backend) struct Row {
     pub reads: &'static [Slot],
     pub writes: &'static [Slot],
     pub per: Per,
+    /// The `override` constants that it takes, if not all of its text: a pipeline is made for each value of them.
+    pub constants: Option<&'static [&'static str]>,
 }
 
 /// A program for a kind of kernels and lanes. Where they make no difference, they are the first ones.
@@ -108,7 +110,18 @@ const fn row(
     reads: &'static [Slot],
     writes: &'static [Slot],
 ) -> Row {
-    Row { program, entry, files, kernels: &[], by_lanes: None, reads, writes, per }
+    Row { program, entry, files, kernels: &[], by_lanes: None, reads, writes, per, constants: None }
+}
+
+/// A row of a program of pass `bin`, whose file holds several, which take other constants.
+const fn bin(
+    named: (Program, &'static str),
+    per: Per,
+    reads: &'static [Slot],
+    writes: &'static [Slot],
+    constants: &'static [&'static str],
+) -> Row {
+    Row { constants: Some(constants), ..row(named, &["bin.wgsl"], per, reads, writes) }
 }
 
 use Slot::{
@@ -129,31 +142,31 @@ pub(in crate::backend) static TABLE: [Row; 31] = [
             &[Splats, Touched],
         )
     },
-    row((Program::BinReduce, "bin_reduce"), &["bin.wgsl"], Per::Slots, &[Touched], &[Partials]),
-    row((Program::BinScan, "bin_scan"), &["bin.wgsl"], Per::All, &[], &[Partials, WrittenTotals, Status]),
-    row(
+    bin((Program::BinReduce, "bin_reduce"), Per::Slots, &[Touched], &[Partials], &[]),
+    bin((Program::BinScan, "bin_scan"), Per::All, &[], &[Partials, WrittenTotals, Status], &[]),
+    bin(
         (Program::BinEmit, "bin_emit"),
-        &["bin.wgsl"],
         Per::Slots,
         &[Splats, Touched, Totals, Wanted],
         &[Partials, Keys, List, Wide],
+        &["SPLATS", "BOUNDS_PART"],
     ),
-    row(
+    bin(
         (Program::SortCount, "sort_count"),
-        &["bin.wgsl"],
         Per::Entries,
         &[Totals, SortedKeys, SortedList],
         &[Histogram],
+        &["SHIFT", "BY_VIEW"],
     ),
-    row((Program::SortScan, "sort_scan"), &["bin.wgsl"], Per::Digit, &[Totals], &[Histogram, DigitTotals]),
-    row(
+    bin((Program::SortScan, "sort_scan"), Per::Digit, &[Totals], &[Histogram, DigitTotals], &[]),
+    bin(
         (Program::SortScatter, "sort_scatter"),
-        &["bin.wgsl"],
         Per::Entries,
         &[Totals, SortedKeys, SortedList],
         &[Histogram, DigitTotals, Keys, List],
+        &["SHIFT", "BY_VIEW"],
     ),
-    row((Program::BinStarts, "bin_starts"), &["bin.wgsl"], Per::Starts, &[Totals, SortedKeys], &[Wide, Starts, Status]),
+    bin((Program::BinStarts, "bin_starts"), Per::Starts, &[Totals, SortedKeys], &[Wide, Starts, Status], &[]),
     Row {
         kernels: KERNELS,
         by_lanes: Some(["paint/visibility_quads.wgsl", "paint/visibility_pixels.wgsl"]),
@@ -290,7 +303,7 @@ pub(in crate::backend) static TABLE: [Row; 31] = [
     row(
         (Program::TransparentResolve, "transparent_resolve"),
         &["transparent/resolve.wgsl"],
-        Per::TileBefore,
+        Per::TileAndBackground,
         &[Sums, Opaque, Wanted],
         &[Film],
     ),
@@ -344,7 +357,7 @@ impl Row {
     /// Number of its uniforms: the view, and a second one.
     pub(in crate::backend) const fn uniforms(&self) -> usize {
         match self.per {
-            Per::Surfels | Per::TileBefore => 2,
+            Per::Surfels | Per::TileAndBackground => 2,
             _ => 1,
         }
     }

@@ -124,13 +124,15 @@ fn layouts(device: &Device, program: Program) -> Layouts {
     Layouts { uniforms: make(&uniforms[..row.uniforms()]), buffers: make(&buffers) }
 }
 
-/// The `override` constants of a program, except those that follow from others.
-fn overrides(variant: Variant) -> Vec<&'static str> {
+/// The `override` constants that a program takes. Those whose value follows from others are none of them.
+pub(super) fn overrides(variant: Variant) -> Vec<&'static str> {
     let name = |line: &'static str| {
         let (name, rest) = line.strip_prefix("override ")?.split_once(':')?;
         let (_, value) = rest.split_once('=')?;
         let is_literal = !value.contains(|c: char| c == '(' || c.is_ascii_uppercase());
         is_literal.then_some(name)
     };
-    variant.texts().into_iter().flat_map(str::lines).filter_map(name).collect()
+    let of_text = variant.texts().into_iter().flat_map(str::lines).filter_map(name);
+    let row = variant.program.row();
+    of_text.filter(|name| row.constants.is_none_or(|constants| constants.contains(name))).collect()
 }

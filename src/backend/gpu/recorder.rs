@@ -202,6 +202,8 @@ impl<'a> Recorder<'a> {
         calls: &mut Vec<Call>,
     ) -> Result<(), BackendError> {
         let ([x, y], view) = (batch.tiles, batch.view);
+        // What does not write the film is bound once for all parts of it.
+        let film = if program.row().writes.contains(&Slot::Film) { film } else { 0 };
         let mut add = |own: Own, offsets: Vec<u32>, workgroups: Option<[u32; 3]>| {
             let program = self.binder.program(program, Use { kind, film, own })?;
             calls.push(Call { program, offsets, workgroups });
@@ -223,7 +225,7 @@ impl<'a> Recorder<'a> {
             Per::Digit => add(own, vec![view], Some([1 << DIGIT_BITS, 1, 1])),
             Per::Starts => add(own, vec![view], Some([(batch.round_tiles + 2 + batch.views).div_ceil(256), 1, 1])),
             Per::Tile => add(own, vec![view], Some([x, y, batch.views])),
-            Per::TileBefore => add(own, vec![view, batch.backdrop], Some([x, y, batch.views])),
+            Per::TileAndBackground => add(own, vec![view, batch.backdrop], Some([x, y, batch.views])),
         }
     }
 

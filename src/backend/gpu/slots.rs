@@ -1,4 +1,4 @@
-//! The buffers that passes exchange: the names under which programs bind them, and how long they are.
+//! The buffers that passes exchange: the names under which programs bind them. `Schedule::bytes` has their lengths.
 
 use wgpu::BufferUsages;
 
@@ -19,8 +19,9 @@ pub(in crate::backend) enum Slot {
     /// [`Slot::Totals`], by what writes them.
     WrittenTotals = 7,
     Status = 8,
-    /// Tiles and slots of entries. The sort moves them to and fro between these and [`Slot::SortedKeys`] and
-    /// [`Slot::SortedList`]; in the end they are here.
+    /// Tiles and slots of entries. A program of the sort writes these and reads [`Slot::SortedKeys`] and
+    /// [`Slot::SortedList`]. There are two buffers of each, which take turns. In the end, entries are in the first
+    /// ones, which are `Keys` and `List` among the buffers.
     Keys = 9,
     List = 10,
     Wide = 11,

@@ -80,7 +80,7 @@ pub(in crate::backend) trait DevicePass: TilePass {
     /// The entry that its time counts for.
     fn stage(self) -> Stage;
 
-    /// Its programs, in order, of a step of so many batches.
+    /// Its programs, in order. `batches`: those that the step has.
     fn programs(self, frame: &Frame, batches: usize) -> Vec<Program>;
 }
 

@@ -6,9 +6,9 @@ macro_rules! files {
 }
 
 /// How a line begins that names files, without their endings, that belong before its own.
-const INCLUDES: &str = "// Includes:";
+pub(super) const INCLUDES: &str = "// Includes:";
 
-const FILES: &[(&str, &str)] = files![
+pub(super) const FILES: &[(&str, &str)] = files![
     "bin.wgsl",
     "common/at_once.wgsl",
     "common/bounds.wgsl",

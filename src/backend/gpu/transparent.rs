@@ -1,4 +1,4 @@
-//! Step `Composite`: its programs, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
+//! Step `Composite`: what it uploads, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
 //!
 //! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through `bin`,
 //! which begins with program `gather`, and `composite`, the nearest first; a slab has as many splats as a batch may
@@ -42,6 +42,7 @@ const DILATION: f32 = 0.3;
 const FIELD: f32 = 1.3;
 /// Bytes of the totals of a sort.
 const TOTALS_BYTES: u64 = size_of::<[u32; 4]>() as u64;
+
 /// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection;
 /// `light`: the group's first light.
 fn segment(

@@ -198,7 +198,10 @@ impl<'a> Harness<'a> {
             Pass::MakeKernels if published => Kind::Published,
             Pass::MakeKernels | Pass::Sweep(_) => Kind::Sweep,
             Pass::PublishedSweep(_) => Kind::Published,
-            _ => Kind::Paint,
+            _ => {
+                assert!(!on_map && self.swept.is_none(), "not a pass of instants");
+                Kind::Paint
+            }
         };
         let [project, bin] = BatchPass::ORDER;
         let record = |recorder: &mut Recorder<'_>| match pass {

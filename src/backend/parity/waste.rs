@@ -1,4 +1,5 @@
-//! Bounds of splats waste no more on the device than on the CPU: pixels within them, over those that splats cover.
+//! Bounds of filtered splats waste no more on the device than on the CPU: pixels within them, over those that they
+//! cover.
 
 use glam::DVec3;
 
@@ -19,11 +20,12 @@ use crate::layout::EwaSplat;
 use crate::math::random::Random;
 use crate::options::{BlurMode, RenderOptions};
 
-/// Share by which the device may waste more.
+/// At most so many times the CPU's waste.
 const MOST: f64 = 1.05;
 
 /// The waste of the surfels of a frame, on the device and on the CPU; `None` where it has none.
 fn wastes(gpu: &mut Gpu, frame: &Frame) -> Option<[Waste; 2]> {
+    assert!(frame.has_filtered_kernels(), "splats of full EWA are read");
     let context = Context::of(frame);
     let mut harness = Harness::new(gpu, frame, &context)?;
     harness.run(Pass::Filter);

@@ -8,9 +8,11 @@ use std::collections::BTreeSet;
 
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use naga::{AddressSpace, Module, StorageAccess};
+use naga::{AddressSpace, Expression, Module, StorageAccess};
 
 use crate::backend::gpu::passes::Variant;
+use crate::backend::gpu::pipelines::overrides;
+use crate::backend::gpu::texts::{FILES, INCLUDES};
 
 fn module(program: Variant) -> Module {
     let text = program.wgsl();
@@ -42,6 +44,37 @@ fn programs_are_valid() {
             .chain(row.writes.iter().map(|&slot| (slot as u32, true)));
         assert_eq!(reached, table.collect(), "{}", program.entry());
         assert!(reached.len() <= 8, "{}: more buffers than every device has", program.entry());
+    }
+}
+
+/// A file that no program has is dead, and yet it looks as if it did something.
+#[test]
+fn programs_have_every_file() {
+    let used: BTreeSet<&str> = Variant::all().into_iter().flat_map(Variant::texts).collect();
+    for (file, text) in FILES {
+        assert!(used.contains(text), "{file} is in no program");
+        let includes = text.lines().filter_map(|line| line.strip_prefix(INCLUDES)).flat_map(str::split_whitespace);
+        for name in includes.map(|name| format!("{name}.wgsl")) {
+            assert!(FILES.iter().any(|(other, _)| *other == name), "{file} includes {name}, which is not there");
+        }
+    }
+}
+
+/// Constants are found by their text: none must be overlooked.
+#[test]
+fn overrides_are_found() {
+    for variant in Variant::all() {
+        let module = module(variant);
+        let constants = module.overrides.iter().filter(|(_, constant)| {
+            constant.init.is_some_and(|init| matches!(module.global_expressions[init], Expression::Literal(_)))
+        });
+        let mut names: BTreeSet<_> = constants.map(|(_, constant)| constant.name.clone().unwrap()).collect();
+        if let Some(some) = variant.program.row().constants {
+            assert!(some.iter().all(|name| names.contains(*name)), "{}", variant.entry());
+            names.retain(|name| some.contains(&name.as_str()));
+        }
+        let found: BTreeSet<_> = overrides(variant).into_iter().map(str::to_owned).collect();
+        assert_eq!(found, names, "{}", variant.entry());
     }
 }
 
