@@ -73,8 +73,8 @@ impl Buffers {
         use Slot::{
             CaptureSegments, DigitTotals, Environment, Lights, Moments, Segments, Status, Tables, Totals, Views, Wanted,
         };
-        let others = [Views, Tables, Segments, CaptureSegments, Lights, Moments, Totals, Status, DigitTotals];
-        let grows = |slot: &Slot| !others.contains(slot) && ![Environment, Wanted].contains(slot);
+        let uploads = [Views, Tables, Segments, CaptureSegments, Lights, Moments, Environment, Wanted];
+        let grows = |slot: &Slot| !uploads.contains(slot) && ![Totals, Status, DigitTotals].contains(slot);
         self.all.iter().filter(|(slot, _)| grows(slot)).map(|(_, buffer)| buffer.size()).sum()
     }
 

@@ -9,7 +9,7 @@ use super::harness::{Harness, NONE, PIXELS, Pass, UNWANTED, tiles};
 use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
 use super::splat_twins::{Context, whole};
-use super::sweeps::{same_with_small_buffers, spoil, values};
+use super::sweeps::{same_with_small_buffers, values};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::paint::PaintGroup;
 use crate::backend::cpu::paint::buffers::DepthLayer;
@@ -202,12 +202,12 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]
     let slots = Slots::new(&both.harness.batch, &both.tiles, splats_of, with_segment, |tile| both.harness.wants(tile));
     let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
 
-    spoil(&both.harness);
+    both.harness.spoil();
     both.harness.run(Pass::Filter);
     slots.compare_splats(&both.harness).map_err(failed(Pass::Filter))?;
     slots.compare_lists(&both.harness).map_err(failed(Pass::Filter))?;
     for &pass in PaintPass::order(both.harness.prepared.channels.is_layered()) {
-        spoil(&both.harness);
+        both.harness.spoil();
         slots.feed_splats(&both.harness);
         slots.feed_lists(&both.harness);
         if pass != PaintPass::Visibility {

@@ -9,7 +9,7 @@ use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
 use super::splat_twins::{Context, Posed, whole};
 use super::sweep_twins::SweepTwins;
-use super::sweeps::{compare_sums, mask_planes, same_with_small_buffers, spoil, values};
+use super::sweeps::{compare_sums, mask_planes, same_with_small_buffers, values};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::swept::SweepGroup;
 use crate::backend::gpu::Gpu;
@@ -57,7 +57,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
         FilteredSplat { splat: SweptSplat { flags, ..kernel.splat }, ..*kernel }
     };
     let slots = Slots::new(&harness.batch, &on_band, of_object, with_segment, |_| true);
-    spoil(&harness);
+    harness.spoil();
     harness.run(Pass::MakeKernels);
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
     slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;

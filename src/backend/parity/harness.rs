@@ -152,22 +152,20 @@ impl<'a> Harness<'a> {
         Host { posed, slots, thresholds, nearest, sums, film }
     }
 
+    /// Spoils what passes write.
+    pub(super) fn spoil(&self) {
+        use Slot::{CoverageMask, Film, Map, Splats, Starts, Sums, Thresholds, Touched};
+        let mut encoder = self.gpu.state.encoder();
+        for slot in [Splats, Touched, Starts, Thresholds, Sums, Map, CoverageMask, Film] {
+            encoder.clear_buffer(&self.gpu.state.buffers[slot], 0, None);
+        }
+        self.gpu.state.device.submit([encoder]);
+    }
+
     /// Writes what the passes before `pass` make, and spoils what it will write.
     pub(super) fn feed(&mut self, host: &Host<'_>, pass: Pass) {
         let buffers = &self.gpu.state.buffers;
-        let spoilt = [
-            &buffers[Slot::Splats],
-            &buffers[Slot::Touched],
-            &buffers[Slot::Starts],
-            &buffers[Slot::Thresholds],
-            &buffers[Slot::Sums],
-        ];
-        let mut encoder = self.gpu.state.encoder();
-        encoder.clear_buffer(&buffers[Slot::Film], 0, None);
-        for buffer in spoilt {
-            encoder.clear_buffer(buffer, 0, None);
-        }
-        self.gpu.state.device.submit([encoder]);
+        self.spoil();
         if pass == Pass::Project {
             return;
         }

@@ -21,24 +21,6 @@ use crate::plan::{MapPass, Published, PublishedSweepPass, Step};
 use crate::renderer::{Rendered, render_checked};
 use crate::time::FrameNumber;
 
-/// Spoils what passes write.
-pub(super) fn spoil(harness: &Harness<'_>) {
-    let buffers = &harness.gpu.state.buffers;
-    let mut encoder = harness.gpu.state.encoder();
-    let spoilt = [
-        &buffers[Slot::Splats],
-        &buffers[Slot::Touched],
-        &buffers[Slot::Starts],
-        &buffers[Slot::Thresholds],
-        &buffers[Slot::Sums],
-        &buffers[Slot::Map],
-    ];
-    for buffer in spoilt.into_iter().chain([&buffers[Slot::CoverageMask], &buffers[Slot::Film]]) {
-        encoder.clear_buffer(buffer, 0, None);
-    }
-    harness.gpu.state.device.submit([encoder]);
-}
-
 /// The splats of an object. An interval has one sample.
 fn splats_of_object<'a, S>(all: &'a [Posed<'_, S>], object: usize) -> &'a [S] {
     &all.iter().find(|posed| posed.chunk.object == object).unwrap().splats
@@ -70,7 +52,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let splats_of = |_: &_, object| splats_of_object(&splats, object);
     let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };
     let slots = Slots::new(&harness.batch, &on_map, splats_of, with_segment, |_| true);
-    spoil(&harness);
+    harness.spoil();
     harness.run(Pass::Project);
     slots.compare_splats(&harness).map_err(failed(Pass::Project))?;
     slots.feed_splats(&harness);
