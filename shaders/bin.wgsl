@@ -34,6 +34,10 @@ struct Totals {
     groups: vec3<u32>,
     entries: u32,
     wide: u32,
+    // The same of a dispatch with one invocation for each entry, in columns, rows and layers.
+    columns: u32,
+    rows: u32,
+    layers: u32,
 }
 
 // Dispatches write this one after the other. The host reads it after the frame.
@@ -148,6 +152,10 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
         written_totals.entries = select(0u, before.x, fits);
         written_totals.wide = before.y;
         written_totals.groups = vec3<u32>((written_totals.entries + WORKGROUP_ITEMS - 1u) / WORKGROUP_ITEMS, 1u, 1u);
+        let pieces = (written_totals.entries + PIECE - 1u) / PIECE;
+        written_totals.columns = min(pieces, PIECES_OF_ROW);
+        written_totals.rows = (pieces + PIECES_OF_ROW - 1u) / PIECES_OF_ROW;
+        written_totals.layers = 1u;
         status.most_entries = max(status.most_entries, before.x);
         let low = status.splats_low + splats_seen;
         status.splats_high += select(0u, 1u, low < splats_seen);

@@ -10,8 +10,8 @@ override NEAREST: bool = false;
 override PEEL: bool = false;
 
 // The depths of a tile are quads: T of the tile and its apron, row by row. With a filter there follow, for the tile
-// alone, the tolerance of the disc that T is of; the second threshold, UNWANTED where the pixel is solid; and the rim:
-// 1 where there is a pixel within the apron that no disc covers, else 0.
+// alone, the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel within the apron
+// that no disc covers, else 0.
 // Where layers are peeled off, there follow the floor, up to which all was peeled off, of the tile and its apron; for
 // the tile alone the ceiling, T of opaque surfels, and the three planes of its cover; and the state: 1 while there is
 // more to peel off, else 0; and the number of the layer.
@@ -40,7 +40,7 @@ fn guarded_quads() -> u32 {
 
 // Quads of the depths of a tile of opaque surfels.
 fn opaque_depth_quads() -> u32 {
-    return guarded_quads() + select(0u, 3u * TILE_QUADS, FILTERED);
+    return guarded_quads() + select(0u, 2u * TILE_QUADS, FILTERED);
 }
 
 // Quads of the depths of a tile.
@@ -60,16 +60,12 @@ fn nearest_of(index: u32) -> u32 {
 }
 
 // Places of the first quads of the planes of the tile alone, counted from the tile's first quad.
-fn epsilon_place() -> u32 {
+fn second_place() -> u32 {
     return guarded_quads();
 }
 
-fn second_place() -> u32 {
-    return guarded_quads() + TILE_QUADS;
-}
-
 fn rim_place() -> u32 {
-    return guarded_quads() + 2u * TILE_QUADS;
+    return guarded_quads() + TILE_QUADS;
 }
 
 fn floor_place() -> u32 {

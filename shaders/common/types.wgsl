@@ -12,6 +12,9 @@ const UNWANTED: f32 = -NONE;
 // Mark in `touched` of a splat that touches more than `WIDEST` tiles and is listed separately, once.
 const WIDE: u32 = 0x80000000u;
 const WIDEST: u32 = 64u;
+// Entries of lists of a workgroup that has one invocation for each, and such workgroups in a row of a dispatch.
+const PIECE: u32 = 256u;
+const PIECES_OF_ROW: u32 = 32768u;
 const FLAG_BACK: u32 = 1u;
 const EPSILON: f32 = 1.1920929e-7;
 
@@ -105,6 +108,8 @@ struct View {
     walks: u32,
     // Which stretch of its lists the view is for, where each has STRETCH entries; `resumes` is 1 after the first.
     stretch: u32,
+    // The least depth tolerance of the objects whose surfels it shows.
+    epsilon: f32,
 }
 
 // Bits of `View.flags`. Thresholds hold opaque surfels; there are layers of see-through surfels; the slab of depth is
@@ -116,7 +121,7 @@ const LAST_SLAB: u32 = 4u;
 // of the view's own moves are those of the view at rest.
 const IS_REST: u32 = 8u;
 const SHARES_TILES: u32 = 16u;
-// Nobody asks for more of the view than its lists.
+// Nobody asks for more of the view than its lists and depths.
 const LISTS_ALONE: u32 = 32u;
 // Its lists are walked over in stretches (common/list.wgsl).
 const IN_STRETCHES: u32 = 64u;

@@ -1,123 +1,74 @@
-// Includes: common/types common/views common/fast common/wanted common/hit common/list paint/walk paint/both_walks
-// Includes: common/depths paint/kernel
+// Includes: common/wanted paint/walk paint/meet
 // Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel; with a filter for each tile
 // and the apron around it. Where objects have several tolerances, the least depth of the tile's pixels, too.
-// Pass `second` (paint/second.wgsl), of filtered kernels: the same minimum over the discs behind the limits of their
-// objects; and which pixels are solid, or near a rim.
+// This program begins the depths of tiles, and takes the wide splats. Then visibility_entries.wgsl takes all others,
+// and join_rest.wgsl what is at rest for several groups.
 // Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, eq. 5, and section 3.
-//   in   splats, list, starts, wide   output of `project` and `bin`
-//        segments                     epsilon of a splat's object
+//   in   splats, starts, wide   output of `project` and `bin`
+//        segments               epsilon of a splat's object
 //   in and out  thresholds   depths of each tile, as common/depths.wgsl has them; T is NONE where no disc covers the
 //                            pixel, and all is UNWANTED in tiles that are not wanted; tiles at rest are left alone
 // Of a layer that is peeled off, discs behind the floor alone count, and there is no second threshold.
-// One workgroup per tile. A tile knows its apron from its own list, so it reads no other tile. The order of splats does
-// not change a minimum, so batches may come one after the other. How invocations share a tile and its list:
-// visibility_quads.wgsl, visibility_pixels.wgsl.
+// One workgroup per tile, one invocation per quad. The order of splats does not change a minimum, so batches may come
+// one after the other.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
 @group(1) @binding(4) var<storage, read> splats: array<Kernel>;
-@group(1) @binding(10) var<storage, read> list: array<u32>;
 @group(1) @binding(11) var<storage, read> wide: array<u32>;
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(17) var<storage, read_write> thresholds: array<Floats>;
 
-// T of pixels, the tolerances of the discs that it is of, and the depths of the nearest discs. Only discs behind the
-// floor count.
-struct Depths {
-    threshold: Floats,
-    epsilon: Floats,
-    nearest: Floats,
-    floor: Floats,
-}
+// Invocations of a tile: enough for the tile, and with a filter for an apron of two pixels at once.
+override INVOCATIONS: u32 = select(64u, 128u, FILTERED);
 
-// Is there more to peel off the tile?
-var<workgroup> live: u32;
-
-// What an invocation works on: pixels of a tile or of its apron.
-struct Site {
-    column: u32,
-    row: u32,
-    // Are they the tile's, or at least its apron's?
-    is_own: bool,
-    is_in: bool,
-    // Places of their depths.
-    threshold: u32,
-    epsilon: u32,
-    nearest: u32,
-    floor: u32,
-}
-
-// The pixels of tile `place` from `at` on. Column and row count from the apron's first quad.
-fn site_of(index: u32, place: vec2<u32>, at: vec2<u32>) -> Site {
-    let quad = at.y * row_quads() + at.x / 4u;
-    // Left of the tile and above it these are below 0, and wrap.
-    let in_tile = at - vec2<u32>(4u * apron_quads(), apron());
-    let own_quad = in_tile.y * 4u + in_tile.x / 4u;
-    let depths_at = depths_of(index);
-    var site: Site;
-    site.column = place.x * TILE + in_tile.x;
-    site.row = place.y * TILE + in_tile.y;
-    site.is_in = quad < guarded_quads() && at.x < 4u * row_quads();
-    site.is_own = site.is_in && all(in_tile < vec2<u32>(TILE));
-    site.threshold = place_in(depths_at + quad, at.x);
-    site.epsilon = place_in(depths_at + epsilon_place() + own_quad, at.x);
-    site.nearest = place_in(nearest_of(index) + own_quad, at.x);
-    site.floor = place_in(depths_at + floor_place() + quad, at.x);
-    return site;
-}
-
-// The depths at a site before the batch.
-fn depths_before(site: Site) -> Depths {
-    var depths = Depths(Floats(NONE), Floats(0.0), Floats(NONE), Floats(0.0));
-    if PEEL && site.is_in {
-        // The layer before it reached to its T.
-        if view.resumes == 0u { thresholds[site.floor] = thresholds[site.threshold]; }
-        depths.floor = thresholds[site.floor];
+@compute @workgroup_size(INVOCATIONS)
+fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    view = views[tile.z];
+    if !has_tile(tile.xy) || shares(tile.xy) { return; }
+    let index = tile_of(tile.xy);
+    if PEEL && thresholds[depths_of(index) + state_place()].x == 0.0 { return; }
+    let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
+    if !is_wanted(place) {
+        for (var i = lane; i < depth_quads(); i += INVOCATIONS) {
+            thresholds[depths_of(index) + i] = Floats(UNWANTED);
+        }
+        return;
     }
-    if view.resumes != 0u && site.is_in {
-        depths.threshold = thresholds[site.threshold];
-        if FILTERED && site.is_own { depths.epsilon = thresholds[site.epsilon]; }
-        if NEAREST && site.is_own { depths.nearest = thresholds[site.nearest]; }
+    let wide_at = view.round_tiles + 1u + view.number;
+    let first_wide = starts[wide_at];
+    let end_wide = starts[wide_at + 1u];
+    if view.resumes != 0u && first_wide == end_wide { return; }
+    for (var i = lane; i < guarded_quads(); i += INVOCATIONS) {
+        let at = vec2<u32>(4u * (i % row_quads()), i / row_quads());
+        // Left of the tile and above it these are below 0, and wrap.
+        let in_tile = at - vec2<u32>(4u * apron_quads(), apron());
+        let column = place.x * TILE + in_tile.x;
+        let row = place.y * TILE + in_tile.y;
+        let threshold_at = depths_of(index) + i;
+        let nearest_at = nearest_of(index) + in_tile.y * 4u + in_tile.x / 4u;
+        let is_own = all(in_tile < vec2<u32>(TILE));
+        var floor = Floats(0.0);
+        if PEEL {
+            let floor_at = depths_of(index) + floor_place() + i;
+            // The layer before it reached to its T.
+            if view.resumes == 0u { thresholds[floor_at] = thresholds[threshold_at]; }
+            floor = thresholds[floor_at];
+        }
+        var threshold = Floats(NONE);
+        var nearest = Floats(NONE);
+        if view.resumes != 0u {
+            threshold = thresholds[threshold_at];
+            if NEAREST && is_own { nearest = thresholds[nearest_at]; }
+        }
+        for (var k = first_wide; k < end_wide; k += 1u) {
+            if !touches(unpack(disc_of(splats[wide[k]]).bounds), column, row) { continue; }
+            let met = meet(disc_of(splats[wide[k]]), column, row);
+            var counts = met.covers;
+            if PEEL { counts = counts & (met.depth > floor); }
+            threshold = min(threshold, select(Floats(NONE), met.threshold, counts));
+            nearest = min(nearest, select(Floats(NONE), met.depth, counts));
+        }
+        thresholds[threshold_at] = threshold;
+        if NEAREST && is_own { thresholds[nearest_at] = nearest; }
     }
-    return depths;
-}
-
-fn store_depths(site: Site, depths: Depths) {
-    if site.is_in { thresholds[site.threshold] = depths.threshold; }
-    if FILTERED && site.is_own { thresholds[site.epsilon] = depths.epsilon; }
-    if NEAREST && site.is_own { thresholds[site.nearest] = depths.nearest; }
-}
-
-// Is there more to peel off tile `index`?
-fn is_peeled_on(index: u32) -> bool {
-    return first_of(thresholds[place_in(depths_of(index) + state_place(), 0u)]) != 0.0;
-}
-
-// A disc on the rays through the pixels.
-struct Met {
-    covers: Bools,
-    depth: Floats,
-    tolerance: Floats,
-}
-
-fn meet(disc: Splat, epsilon: f32, column: u32, row: u32) -> Met {
-    let at = hit(disc, column, row);
-    let depth = 1.0 / at.inverse_depth;
-    return Met(covers(disc, at, column), depth, tolerance_at(depth, epsilon));
-}
-
-// The depths, lowered by a disc of an object with tolerance `epsilon`.
-fn lowered(depths: Depths, disc: Splat, epsilon: f32, column: u32, row: u32) -> Depths {
-    var met = meet(disc, epsilon, column, row);
-    if PEEL { met.covers = met.covers & (met.depth > depths.floor); }
-    let candidate = select(Floats(NONE), met.depth + met.tolerance, met.covers);
-    let lower = candidate < depths.threshold;
-    var nearest = depths.nearest;
-    if NEAREST { nearest = min(nearest, select(Floats(NONE), met.depth, met.covers)); }
-    return Depths(
-        select(depths.threshold, candidate, lower),
-        select(depths.epsilon, met.tolerance, lower),
-        nearest,
-        depths.floor,
-    );
 }

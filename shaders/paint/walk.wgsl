@@ -7,10 +7,14 @@ fn rest_tile_of(tile: vec2<u32>) -> u32 {
     return views[view.rest].first_tile + tile.y * view.tiles.x + tile.x;
 }
 
-// Is there nothing to be found out of the tile: nothing of the view's own is in it, so that all is known of the tile at
-// rest, or nobody asks for it?
+// Is there nothing to be found out of the tile: all is known of the tile at rest, or nobody asks for more of it than its
+// lists and depths?
 fn rests(tile: vec2<u32>) -> bool {
-    if (view.flags & LISTS_ALONE) != 0u { return true; }
+    return (view.flags & LISTS_ALONE) != 0u || shares(tile);
+}
+
+// Is the tile the one at rest, since nothing of the view's own is in it?
+fn shares(tile: vec2<u32>) -> bool {
     let index = tile_of(tile);
     let wide_at = view.round_tiles + 1u + view.number;
     return (view.flags & SHARES_TILES) != 0u && starts[index] == starts[index + 1u]

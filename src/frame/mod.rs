@@ -185,11 +185,20 @@ impl Frame {
     /// Whether the opaque surfels that a group shows have several tolerances. Those that differ by rounding are one:
     /// an object that turns has not the same to the bit at all times.
     fn has_several_tolerances(&self, group: &PosedGroup) -> bool {
+        let most = self.tolerances(group, false).fold(0.0, f32::max);
+        most > self.least_tolerance(group, false) * (1.0 + 4.0 * f32::EPSILON)
+    }
+
+    /// The least depth tolerance of the objects whose surfels a group shows.
+    pub(crate) fn least_tolerance(&self, group: &PosedGroup, see_through: bool) -> f32 {
+        self.tolerances(group, see_through).fold(f32::MAX, f32::min)
+    }
+
+    /// The depth tolerances of the objects whose surfels a group shows.
+    fn tolerances(&self, group: &PosedGroup, see_through: bool) -> impl Iterator<Item = f32> {
         let posed = group.samples.iter().flat_map(|sample| self.objects.iter().zip(&sample.objects));
-        let shows = |object: &FrameObject| object.has_surfels() && !object.see_through;
-        let tolerances = posed.filter(|(object, posed)| shows(object) && posed.visible).map(|(_, posed)| posed.epsilon);
-        let [least, most] = tolerances.fold([f32::INFINITY, 0.0], |[least, most], own| [least.min(own), most.max(own)]);
-        most > least * (1.0 + 4.0 * f32::EPSILON)
+        let shows = move |object: &FrameObject| object.has_surfels() && object.see_through == see_through;
+        posed.filter(move |(object, posed)| shows(object) && posed.visible).map(|(_, posed)| posed.epsilon)
     }
 
     /// What the film is developed over.

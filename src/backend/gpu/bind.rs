@@ -38,11 +38,16 @@ impl BoundProgram {
         pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
     }
 
-    /// Records as many workgroups as the first numbers of a buffer say.
-    pub(in crate::backend) fn dispatch_indirect(&self, pass: &mut ComputePass<'_>, offsets: &[u32], groups: &Buffer) {
+    /// Records as many workgroups as three numbers of a buffer say, from byte `at` on.
+    pub(in crate::backend) fn dispatch_indirect(
+        &self,
+        pass: &mut ComputePass<'_>,
+        offsets: &[u32],
+        (groups, at): (&Buffer, u64),
+    ) {
         self.calls.dispatch();
         self.set(pass, offsets);
-        pass.dispatch_workgroups_indirect(groups, 0);
+        pass.dispatch_workgroups_indirect(groups, at);
     }
 
     fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {

@@ -61,11 +61,10 @@ impl<'a> JobPlace<'a> {
         let (job, raster) = (self.job(group), self.raster(see_through));
         let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
         let walks = match (see_through, self.prepared.channels.is_layered()) {
-            // Visibility of all layers and of what is behind them, and two walks of pass `attribute`.
-            (true, _) => 3 * u32::from(LAYERS) + 1,
-            // Visibility, second, and two walks of pass `attribute`.
-            (false, true) => 4,
-            (false, false) => 2,
+            // Two walks of pass `attribute` for each layer.
+            (true, _) => 2 * u32::from(LAYERS),
+            (false, true) => 2,
+            (false, false) => 1,
         };
         Job { area: Area { pixels, ..job.area }, see_through, walks, ..job }
     }
@@ -118,6 +117,7 @@ impl Job<'_> {
             flags: self.flags | if self.stretch == u64::MAX { 0 } else { IN_STRETCHES },
             walks: self.walks,
             opaque_scale: group_scale(group),
+            epsilon: place.prepared.frame.least_tolerance(group, self.see_through),
             ..View::of(place.prepared.frame, &place.raster(self.see_through), group, &place.prepared.channels.shared)
         }
     }

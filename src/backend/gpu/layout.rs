@@ -85,7 +85,8 @@ pub(in crate::backend) struct View {
     pub first_moment: u32,
     pub walks: u32,
     pub stretch: u32,
-    pub unused: [u32; 2],
+    pub epsilon: f32,
+    pub unused: u32,
 }
 
 /// Bits of [`View::flags`]. Thresholds hold opaque surfels.

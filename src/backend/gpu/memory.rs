@@ -42,10 +42,10 @@ const GAUSSIAN_BYTES: u64 = size_of::<DeviceGaussian>() as u64 + 4;
 const EWA_LAYERS: usize = 4;
 
 /// Bytes of the depths of a tile under full EWA, as `shaders/common/depths.wgsl` has them: of the tile and its apron,
-/// in quads, then three more planes of the tile.
+/// in quads, then two more planes of the tile.
 pub(in crate::backend) fn ewa_depth_bytes(apron: usize) -> u64 {
     let row = 4 + 2 * (apron as u64).div_ceil(4);
-    16 * (row * (u64::from(TILE) + 2 * apron as u64)) + 3 * THRESHOLD_BYTES
+    16 * (row * (u64::from(TILE) + 2 * apron as u64)) + 2 * THRESHOLD_BYTES
 }
 
 /// Bytes of the depths and covers of a tile while layers are peeled off, as the same file has them.

@@ -28,7 +28,10 @@ pub(in crate::backend) enum Program {
     SortScatter,
     BinStarts,
     Visibility,
+    VisibilityEntries,
+    JoinRest,
     Second,
+    SecondEntries,
     SplatValues,
     Attribute,
     Resolve,
@@ -63,6 +66,8 @@ pub(in crate::backend) enum Per {
     All,
     /// Some entries of lists; the device knows how many.
     Entries,
+    /// One invocation for each of them.
+    Entry,
     /// A digit of a sort.
     Digit,
     /// Some tiles, whose lists begin there.
@@ -83,6 +88,8 @@ pub(in crate::backend) struct Row {
     files: &'static [&'static str],
     /// Kernels that it is compiled for; empty where it is the same for all.
     kernels: &'static [KernelKind],
+    /// What its invocations work on, unless the last file differs by that.
+    lanes: Lanes,
     /// The last file, by lanes, where it differs.
     by_lanes: Option<[&'static str; 2]>,
     pub reads: &'static [Slot],
@@ -110,7 +117,18 @@ const fn row(
     reads: &'static [Slot],
     writes: &'static [Slot],
 ) -> Row {
-    Row { program, entry, files, kernels: &[], by_lanes: None, reads, writes, per, constants: None }
+    Row {
+        program,
+        entry,
+        files,
+        kernels: &[],
+        lanes: Lanes::Quads,
+        by_lanes: None,
+        reads,
+        writes,
+        per,
+        constants: None,
+    }
 }
 
 /// A row of a program of pass `bin`, whose file holds several, which take other constants.
@@ -131,7 +149,7 @@ use Slot::{
 };
 
 /// All passes, in the order of [`Program`].
-pub(in crate::backend) static TABLE: [Row; 31] = [
+pub(in crate::backend) static TABLE: [Row; 34] = [
     Row {
         kernels: KERNELS,
         ..row(
@@ -169,23 +187,44 @@ pub(in crate::backend) static TABLE: [Row; 31] = [
     bin((Program::BinStarts, "bin_starts"), Per::Starts, &[Totals, SortedKeys], &[Wide, Starts, Status], &[]),
     Row {
         kernels: KERNELS,
-        by_lanes: Some(["paint/visibility_quads.wgsl", "paint/visibility_pixels.wgsl"]),
         ..row(
             (Program::Visibility, "visibility"),
             &["paint/visibility.wgsl"],
             Per::Tile,
-            &[Segments, Splats, List, Wide, Starts, Wanted],
+            &[Segments, Splats, Wide, Starts, Wanted],
+            &[Thresholds],
+        )
+    },
+    Row {
+        kernels: KERNELS,
+        lanes: Lanes::Pixels,
+        ..row(
+            (Program::VisibilityEntries, "visibility_entries"),
+            &["paint/visibility_entries.wgsl"],
+            Per::Entry,
+            &[Segments, Splats, List, SortedKeys, Starts],
+            &[Thresholds],
+        )
+    },
+    row((Program::JoinRest, "join_rest"), &["paint/join_rest.wgsl"], Per::Tile, &[Starts], &[Thresholds]),
+    Row {
+        kernels: &[KernelKind::Filtered],
+        ..row(
+            (Program::Second, "second"),
+            &["paint/second.wgsl"],
+            Per::Tile,
+            &[Segments, Splats, Wide, Starts, Wanted],
             &[Thresholds],
         )
     },
     Row {
         kernels: &[KernelKind::Filtered],
-        by_lanes: Some(["paint/second_quads.wgsl", "paint/second_pixels.wgsl"]),
+        lanes: Lanes::Pixels,
         ..row(
-            (Program::Second, "second"),
-            &["paint/visibility.wgsl"],
-            Per::Tile,
-            &[Segments, Splats, List, Wide, Starts, Wanted],
+            (Program::SecondEntries, "second_entries"),
+            &["paint/second_entries.wgsl"],
+            Per::Entry,
+            &[Segments, Splats, List, SortedKeys, Starts],
             &[Thresholds],
         )
     },
@@ -379,7 +418,7 @@ impl Program {
         Variant {
             program: self,
             kernel: if row.kernels.is_empty() { KernelKind::Disc } else { kernel },
-            lanes: if row.by_lanes.is_some() { lanes } else { Lanes::Quads },
+            lanes: if row.by_lanes.is_some() { lanes } else { row.lanes },
         }
     }
 }

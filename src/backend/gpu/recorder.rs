@@ -33,9 +33,19 @@ pub(in crate::backend) struct Recorder<'a> {
 struct Call {
     program: BoundProgram,
     offsets: Vec<u32>,
-    /// `None`: the device knows.
-    workgroups: Option<[u32; 3]>,
+    workgroups: Workgroups,
 }
+
+/// Numbers of workgroups.
+#[derive(Clone, Copy)]
+enum Workgroups {
+    These([u32; 3]),
+    /// Those in [`Slot::Totals`], from this byte on.
+    Totals(u64),
+}
+
+/// Bytes of the totals before the workgroups of programs with one invocation for each entry.
+const PIECES_AT: u64 = 20;
 
 impl<'a> Recorder<'a> {
     pub(in crate::backend) fn new(
@@ -118,7 +128,7 @@ impl<'a> Recorder<'a> {
         batch: &Placed,
         batches: usize,
     ) -> Result<(), BackendError> {
-        let programs = pass.programs(self.binder.prepared.frame, batches);
+        let programs = pass.programs(self.binder.prepared.frame, batch, batches);
         self.programs(pass.stage(), (kind, film), &programs, batch)
     }
 
@@ -204,7 +214,7 @@ impl<'a> Recorder<'a> {
         let ([x, y], view) = (batch.tiles, batch.view);
         // What does not write the film is bound once for all parts of it.
         let film = if program.row().writes.contains(&Slot::Film) { film } else { 0 };
-        let mut add = |own: Own, offsets: Vec<u32>, workgroups: Option<[u32; 3]>| {
+        let mut add = |own: Own, offsets: Vec<u32>, workgroups: Workgroups| {
             let program = self.binder.program(program, Use { kind, film, own })?;
             calls.push(Call { program, offsets, workgroups });
             Ok(())
@@ -212,20 +222,24 @@ impl<'a> Recorder<'a> {
         match program.row().per {
             Per::Surfels => {
                 for &SurfelDispatch { object, buffer, table, workgroups } in &batch.surfels {
-                    add(Own::Model(object, buffer), vec![view, table], Some([workgroups, 1, 1]))?;
+                    add(Own::Model(object, buffer), vec![view, table], Workgroups::These([workgroups, 1, 1]))?;
                 }
                 Ok(())
             }
-            Per::Stretch => {
-                [view].iter().chain(&batch.later).try_for_each(|&view| add(own, vec![view], Some([x, y, batch.views])))
+            Per::Stretch => [view]
+                .iter()
+                .chain(&batch.later)
+                .try_for_each(|&view| add(own, vec![view], Workgroups::These([x, y, batch.views]))),
+            Per::Slots => add(own, vec![view], Workgroups::These([batch.slots.div_ceil(WORKGROUP_ITEMS), 1, 1])),
+            Per::All => add(own, vec![view], Workgroups::These([1; 3])),
+            Per::Entries => add(own, vec![view], Workgroups::Totals(0)),
+            Per::Entry => add(own, vec![view], Workgroups::Totals(PIECES_AT)),
+            Per::Digit => add(own, vec![view], Workgroups::These([1 << DIGIT_BITS, 1, 1])),
+            Per::Starts => {
+                add(own, vec![view], Workgroups::These([(batch.round_tiles + 2 + batch.views).div_ceil(256), 1, 1]))
             }
-            Per::Slots => add(own, vec![view], Some([batch.slots.div_ceil(WORKGROUP_ITEMS), 1, 1])),
-            Per::All => add(own, vec![view], Some([1; 3])),
-            Per::Entries => add(own, vec![view], None),
-            Per::Digit => add(own, vec![view], Some([1 << DIGIT_BITS, 1, 1])),
-            Per::Starts => add(own, vec![view], Some([(batch.round_tiles + 2 + batch.views).div_ceil(256), 1, 1])),
-            Per::Tile => add(own, vec![view], Some([x, y, batch.views])),
-            Per::TileAndBackground => add(own, vec![view, batch.backdrop], Some([x, y, batch.views])),
+            Per::Tile => add(own, vec![view], Workgroups::These([x, y, batch.views])),
+            Per::TileAndBackground => add(own, vec![view, batch.backdrop], Workgroups::These([x, y, batch.views])),
         }
     }
 
@@ -235,9 +249,11 @@ impl<'a> Recorder<'a> {
         let pass: &mut ComputePass<'_> =
             &mut self.encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         for Call { program, offsets, workgroups } in calls {
-            match workgroups {
-                Some(workgroups) => program.dispatch(pass, offsets, *workgroups),
-                None => program.dispatch_indirect(pass, offsets, &self.binder.state.buffers[Slot::Totals]),
+            match *workgroups {
+                Workgroups::These(workgroups) => program.dispatch(pass, offsets, workgroups),
+                Workgroups::Totals(at) => {
+                    program.dispatch_indirect(pass, offsets, (&self.binder.state.buffers[Slot::Totals], at));
+                }
             }
         }
     }

@@ -7,6 +7,7 @@ use super::passes::{KernelKind, Program};
 use super::prepared::Prepared;
 use super::slots::Slot;
 use super::timestamps::Stage;
+use super::upload::Placed;
 use crate::frame::Frame;
 use crate::options::Normalise;
 use crate::plan::{LayerPass, MapPass, PaintPass, PublishedSweepPass, SweepPass, TilePass};
@@ -80,8 +81,8 @@ pub(in crate::backend) trait DevicePass: TilePass {
     /// The entry that its time counts for.
     fn stage(self) -> Stage;
 
-    /// Its programs, in order. `batches`: those that the step has.
-    fn programs(self, frame: &Frame, batches: usize) -> Vec<Program>;
+    /// Its programs for a batch of several, in order.
+    fn programs(self, frame: &Frame, batch: &Placed, batches: usize) -> Vec<Program>;
 }
 
 impl DevicePass for PaintPass {
@@ -93,10 +94,13 @@ impl DevicePass for PaintPass {
         }
     }
 
-    fn programs(self, _frame: &Frame, _batches: usize) -> Vec<Program> {
+    fn programs(self, _frame: &Frame, batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
-            Self::Visibility => vec![Program::Visibility],
-            Self::Second => vec![Program::Second],
+            Self::Visibility if batch.shares_rest => {
+                vec![Program::Visibility, Program::VisibilityEntries, Program::JoinRest]
+            }
+            Self::Visibility => vec![Program::Visibility, Program::VisibilityEntries],
+            Self::Second => vec![Program::Second, Program::SecondEntries],
             Self::Attribute => vec![Program::SplatValues, Program::Attribute],
             Self::Resolve => vec![Program::Resolve],
         }
@@ -112,10 +116,10 @@ impl DevicePass for LayerPass {
         }
     }
 
-    fn programs(self, _frame: &Frame, batches: usize) -> Vec<Program> {
+    fn programs(self, _frame: &Frame, _batch: &Placed, batches: usize) -> Vec<Program> {
         match self {
             Self::Start => vec![Program::PeelStart],
-            Self::Visibility(_) => vec![Program::Visibility],
+            Self::Visibility(_) => vec![Program::Visibility, Program::VisibilityEntries],
             Self::Second(_) => vec![Program::Second],
             // The values of one batch stay from layer to layer.
             Self::Attribute(1..) if batches == 1 => vec![Program::Attribute],
@@ -135,7 +139,7 @@ impl DevicePass for SweepPass {
         }
     }
 
-    fn programs(self, frame: &Frame, _batches: usize) -> Vec<Program> {
+    fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Visibility => vec![Program::SweptVisibility],
             Self::Attribute => vec![Program::SplatValues, Program::SweptAttribute],
@@ -150,9 +154,9 @@ impl DevicePass for MapPass {
         Stage::Visibility
     }
 
-    fn programs(self, _frame: &Frame, _batches: usize) -> Vec<Program> {
+    fn programs(self, _frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
-            Self::Visibility => vec![Program::Visibility],
+            Self::Visibility => vec![Program::Visibility, Program::VisibilityEntries],
             Self::Store => vec![Program::StoreMap],
         }
     }
@@ -166,7 +170,7 @@ impl DevicePass for PublishedSweepPass {
         }
     }
 
-    fn programs(self, frame: &Frame, _batches: usize) -> Vec<Program> {
+    fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Attribute => vec![Program::SplatValues, Program::PublishedAttribute],
             Self::Resolve if pools(frame) => vec![Program::PublishedPool],

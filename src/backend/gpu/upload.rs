@@ -32,6 +32,8 @@ pub(in crate::backend) struct Placed {
     pub tiles: [u32; 2],
     /// Tiles of all views.
     pub round_tiles: u32,
+    /// Do groups share what is at rest?
+    pub shares_rest: bool,
     /// What makes its splats.
     pub surfels: Vec<SurfelDispatch>,
     /// Where the background behind what is transparent is, bytes.
@@ -203,6 +205,7 @@ impl Upload {
                 };
                 tables.add([*object, *buffer], index, segment.surfels);
             }
+            placed.shares_rest |= rest != number as u32;
             placed.slots += batch.slots;
             placed.round_tiles += own.tiles[0] * own.tiles[1];
             placed.tiles = [0, 1].map(|i| placed.tiles[i].max(own.tiles[i]));

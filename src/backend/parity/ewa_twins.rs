@@ -57,10 +57,10 @@ impl<'a> EwaTwins<'a> {
         let mut buffers = TileBuffers::default();
         buffers.paint.clear_depths(true, scope.frame.keeps_nearest);
         for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
-            visibility::visibility(splats, list, scope.depths(chunk), &guarded, true, &mut buffers.paint);
+            visibility::visibility(splats, list, scope.depths(chunk), &guarded, &mut buffers.paint);
         }
         if !several {
-            visibility::find_open(&tile, apron, size, None, &mut buffers.paint);
+            visibility::find_open(&tile, apron, size, self.group.least_tolerance(false), &mut buffers.paint);
             for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
                 visibility::second(splats, list, scope.depths(chunk), &tile, start, &mut buffers.paint);
             }
@@ -98,13 +98,6 @@ impl<'a> EwaTwins<'a> {
             (x < guarded.width && y < guarded.height).then(|| of.buffers.paint.threshold[y * APRON_STRIDE + x])
         };
         (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect()
-    }
-
-    /// Tolerances of the discs that T is of, `edge` x `edge`.
-    pub(super) fn epsilon(&self, of: &EwaTile, tile: [usize; 2]) -> Vec<f32> {
-        let tile = rect(&self.scope().band, tile, self.edge);
-        let (_, [left, top]) = with_apron(&tile, self.scope().raster.apron(), self.scope().raster.size);
-        take_rows(&of.buffers.paint.epsilon[top * APRON_STRIDE + left..], APRON_STRIDE, self.edge)
     }
 
     /// Depths of the nearest discs, `edge` x `edge`.

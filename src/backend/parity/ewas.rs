@@ -68,7 +68,7 @@ impl Both<'_> {
     /// Floats of a tile's depths.
     fn depth_floats(&self) -> usize {
         let (_, [width, height]) = self.guarded();
-        width * height + 3 * PIXELS
+        width * height + 2 * PIXELS
     }
 
     /// Depths of all tiles as the device has them; NaN where nobody may read them.
@@ -78,7 +78,6 @@ impl Both<'_> {
             let (before, size) = self.guarded();
             let thresholds = self.twins.thresholds(host, tile, before, size).into_iter();
             let mut depths: Vec<f32> = thresholds.map(|t| t.map_or(f32::NAN, |t| t.min(NONE))).collect();
-            depths.extend(self.twins.epsilon(host, tile));
             let inside = self.twins.inside(tile);
             let in_image = |(value, inside): (f32, &bool)| if *inside { value } else { f32::NAN };
             let second = self.twins.second(host).into_iter().map(|t| t.map_or(UNWANTED, |t| t.min(NONE)));
@@ -260,7 +259,7 @@ fn ewa_passes_agree() {
     }
 }
 
-static MUTANTS: [Mutant; 48] = [
+static MUTANTS: [Mutant; 50] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -280,28 +279,33 @@ static MUTANTS: [Mutant; 48] = [
     ([("let factor = geometry[columns", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
     // Pass `visibility`.
-    ([("4u * apron_quads(), apron());", "4u * apron_quads(), 0u);")], "supersample"),
-    ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
-    ([("select(depths.epsilon, met.tolerance, lower)", "met.tolerance")], "supersample"),
-    ([("before += INVOCATIONS", "before += 2u * INVOCATIONS")], "wide"),
-    ([("next += READ", "next += 2u * READ")], "supersample"),
-    ([("thresholds[depths_at + i] = Floats(UNWANTED)", "thresholds[depths_at + i] = Floats(NONE)")], "in part"),
+    ([("vec2<i32>(-i32(reach))", "vec2<i32>(0)")], "supersample"),
+    ([("column), depth, depth + tolerance", "column), depth, depth")], "supersample"),
+    ([("i < guarded_quads(); i += INVOCATIONS", "i < guarded_quads(); i += 2u * INVOCATIONS")], "wide"),
+    ([("k = first_wide; k < end_wide", "k = first_wide + 1u; k < end_wide")], "hard"),
+    (
+        [("thresholds[depths_of(index) + i] = Floats(UNWANTED)", "thresholds[depths_of(index) + i] = Floats(NONE)")],
+        "in part",
+    ),
     // Pass `second`.
     ([("threshold >= NONE", "threshold < NONE")], "supersample"),
     ([("select(inverse, OUTSIDE, outside)", "inverse")], "hard"),
     ([("inverse_depths[y * EDGE + x] == 0.0", "inverse_depths[y * EDGE + x] == 7.0")], "supersample"),
-    ([("4.0 * epsilon * (middle * middle)", "0.4 * epsilon * (middle * middle)")], "supersample"),
+    ([("4.0 * reach * (middle * middle)", "0.4 * reach * (middle * middle)")], "supersample"),
     ([("bends(middle_at, down - distance, most)", "false")], "wide"),
-    ([("(met.depth > limit)", "(met.depth < limit)")], "supersample"),
+    ([("reach = first - nearest", "reach = 2.0 * first")], "supersample"),
+    ([("tolerance_at(first, view.epsilon)", "tolerance_at(first, 9.0)")], "hard"),
+    ([("met.covers && met.depth > limit_of", "met.covers && met.depth < limit_of")], "supersample"),
+    ([("k < starts[wide_at + 1u]; k", "k < starts[wide_at]; k")], "hard"),
     // Pass `attribute`.
     ([("splat.weight * kernel(", "kernel(")], "supersample"),
     ([("(over * over) + quarter", "over + quarter")], "supersample"),
     ([("splat.p[1], splat.p[2]", "splat.p[0], splat.p[2]")], "supersample"),
     ([("limit - 2.0 * tolerance", "limit - tolerance")], "supersample"),
     ([("min(first, nearest + tolerance)", "first")], "tolerances"),
-    ([("min(nearest, select(Floats(NONE), met.depth", "min(nearest, select(nearest, met.depth + 0.1")], "tolerances"),
+    ([("u32(y) + u32(x), met.depth", "u32(y) + u32(x), met.depth + 0.1")], "tolerances"),
     ([("depth_quads() + index * TILE_QUADS", "depth_quads()")], "tolerances"),
-    ([("limit_of(met.tolerance, first, nearest)", "first")], "tolerances"),
+    ([("limit_of(met.tolerance, least, nearest)", "least")], "tolerances"),
     ([("next = behind & (seen.depth <= pixels.second)", "next = behind")], "supersample"),
     ([("weight * peak_of(splat)", "weight")], "supersample"),
     (
@@ -317,19 +321,15 @@ static MUTANTS: [Mutant; 48] = [
     ([("if solid || layer == closing", "if solid")], "fine"),
     ([("> 0.0 { closing = layer; }", "> 0.0 { closing = 0u; }")], "supersample"),
     ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
-    ([("vec2<f32>(select(0.0, 1.0, uncovered), ", "vec2<f32>(0.0, ")], "supersample"),
+    ([("rim[i] = select(0.0, 1.0, uncovered)", "rim[i] = 0.0")], "supersample"),
     ([("covered = second < NONE", "covered = true")], "supersample"),
     ([("Share(share, 1.0, layer == BAND)", "Share(share, 1.0, true)")], "supersample"),
 ];
 
 /// What the programs that work by pixels have for themselves.
-static BY_PIXELS: [Mutant; 7] = [
-    ([("panels_before);", "0u);")], "wide"),
-    ([("done += PANELS", "done += 2u * PANELS")], "supersample"),
+static BY_PIXELS: [Mutant; 3] = [
     ([("lane / PANEL_LANES;", "lane / PANEL_LANES + 1u;")], "supersample"),
-    ([("4u * depths_of(index) + i] = UNWANTED", "4u * depths_of(index) + i] = NONE")], "in part"),
-    ([("invert(place * TILE, i / 4u, i % 4u", "invert(place * TILE, i / 4u, 0u")], "supersample"),
-    ([("any_lane(lane, is_open)", "is_open && false")], "supersample"),
+    ([("any_lane(lane, has_others)", "has_others && false")], "supersample"),
     ([("return 4u * quad + column % 4u", "return 4u * quad + column % 2u")], "supersample"),
 ];
 

@@ -43,7 +43,7 @@ pub(super) fn named<'a>(cases: &'a [Case], name: &str) -> &'a Case {
     cases.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case {name}"))
 }
 
-static MUTANTS: [Mutant; 53] = [
+static MUTANTS: [Mutant; 54] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
@@ -53,17 +53,18 @@ static MUTANTS: [Mutant; 53] = [
     ([("sorted_keys[middle] < tile", "sorted_keys[middle] <= tile")], "supersample"),
     ([("(sorted_keys[i] >> SHIFT)", "(sorted_keys[i] >> 1u)")], "hard"),
     ([("at.y += 1u", "at.y += 0u")], "hard"),
-    ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
+    ([("column), depth, depth + tolerance", "column), depth, depth")], "supersample"),
     ([("max(Floats(epsilon)", "min(Floats(epsilon)")], "supersample"),
-    ([("next += READ", "next += 2u * READ")], "supersample"),
-    ([("min(READ, entries - next)", "min(READ, entries - next - 1u)")], "supersample"),
+    ([("PIECES_OF_ROW + group.x) * PIECE + lane", "PIECES_OF_ROW + group.x) * PIECE + 2u * lane")], "supersample"),
+    ([("entry < starts[views[0].round_tiles]", "entry + 9u < starts[views[0].round_tiles]")], "supersample"),
+    ([("k = first_wide; k < end_wide", "k = first_wide + 1u; k < end_wide")], "hard"),
     ([("before = i / RUN * RUN", "before = i / RUN * RUN + 1u")], "supersample"),
     ([("place += entries", "place += 0u * entries")], "supersample"),
     ([("column + (width() - 1u) >= bounds.x", "column >= bounds.x")], "supersample"),
     ([("(seen.depth <= limit)", "(seen.depth <= limit + 1.0)")], "supersample"),
     ([("min(first, nearest + tolerance)", "first")], "tolerances"),
     ([("min(first, nearest + tolerance)", "min(first, nearest + 2.0 * tolerance)")], "tolerances, bucket"),
-    ([("thresholds[site.nearest] = depths.nearest", "thresholds[site.nearest] = depths.threshold")], "tolerances"),
+    ([("u32(y) + u32(x), met.depth", "u32(y) + u32(x), met.threshold")], "tolerances"),
     ([("0.0005294794", "0.0005394794")], "supersample"),
     ([("seen.weight * segments[segment_index].share", "seen.weight")], "bucket"),
     ([("normal = -normal", "normal = normal")], "supersample"),
@@ -94,7 +95,10 @@ static MUTANTS: [Mutant; 53] = [
     ([("has_sums && sums[at] > 0.0", "has_sums")], "supersample"),
     ([("var reflection = view.environment.w", "var reflection = 0.0")], "plain"),
     ([("pixel * pixel) * segment.normal[1].w", "pixel * pixel)")], "gouraud"),
-    ([("thresholds[depths_at + i] = Floats(UNWANTED)", "thresholds[depths_at + i] = Floats(NONE)")], "in part"),
+    (
+        [("thresholds[depths_of(index) + i] = Floats(UNWANTED)", "thresholds[depths_of(index) + i] = Floats(NONE)")],
+        "in part",
+    ),
     ([("!is_wide && is_wanted(vec2<u32>(x, y))", "!is_wide")], "in part"),
     ([("if is_wide && is_wanted_block", "if !is_wide && is_wanted_block")], "in part, hard"),
     // Strips that are read out.

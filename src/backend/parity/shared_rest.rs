@@ -85,9 +85,11 @@ fn what_rests_is_made_once_a_position() {
     }
 }
 
-static MUTANTS: [Mutant; 7] = [
+static MUTANTS: [Mutant; 9] = [
     ([("walk.later = walk.next", "walk.later = walk.end")], "plain"),
     ([("return views[view.rest].first_tile", "return view.first_tile")], "plain"),
+    ([("min(thresholds[at], thresholds[depths_of(rest) + i])", "thresholds[at]")], "plain"),
+    ([("if views[other].rest != own { continue; }", "if true { continue; }")], "filtered"),
     ([("known != view.rest + 1u", "false")], "filtered"),
     ([("+= weight * shown[plane]", "+= shown[plane]")], "filtered"),
     ([("!= 0u && starts[index] == starts[index + 1u]", "!= 0u && true")], "plain"),

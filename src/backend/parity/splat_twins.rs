@@ -130,7 +130,7 @@ impl<'a> SplatTwins<'a> {
         let rect = rect(&self.scope.band, tile, self.edge);
         for posed in posed {
             let (list, depths) = (self.list(posed, tile), self.scope.depths(&posed.chunk));
-            visibility(&posed.splats, &list, depths, &rect, false, &mut buffers.paint);
+            visibility(&posed.splats, &list, depths, &rect, &mut buffers.paint);
         }
         let plane = |plane: &[f32]| match plane {
             [] => Vec::new(),

@@ -50,7 +50,7 @@ impl MapTwins<'_> {
         let rect = rect(&self.group.scope.band, tile, self.edge);
         for Posed { chunk, splats } in splats {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
-            visibility(splats, &list, self.group.scope.depths(chunk), &rect, false, &mut buffers.paint);
+            visibility(splats, &list, self.group.scope.depths(chunk), &rect, &mut buffers.paint);
         }
         take_rows(&buffers.paint.threshold, APRON_STRIDE, self.edge)
     }

@@ -417,8 +417,8 @@ static MUTANTS: [Mutant; 138] = [
     ([("if OPEN != 0u { close_layer(&sum, &open, vec4<bool>(true)); }", "")], "volume"),
     ([("(1.0 - through) / select", "1.0 / select")], "volume"),
     // See-through surfels.
-    ([("met.covers = met.covers & (met.depth > depths.floor);", "")], "glass"),
-    ([("thresholds[site.floor] = thresholds[site.threshold]", "thresholds[site.floor] = Floats(0.0)")], "glass"),
+    ([("thresholds[floor_at] = thresholds[threshold_at]", "thresholds[floor_at] = Floats(0.0)")], "glass"),
+    ([("met.depth <= depth_at(depths_at + 4u * floor_place() + place)", "met.depth <= 0.0")], "glass"),
     ([("(seen.depth > pixels.floor) & ", "")], "glass"),
     ([("min(pixels.first, ceiling)", "pixels.first")], "glass"),
     ([("seen.disc = seen.disc & in_layer;", "")], "glass, bucket"),

@@ -38,9 +38,8 @@ pub(in crate::backend) const DISC: usize = 2;
 /// Depths and sums of one tile. Those that only a filter needs are empty without it.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct PaintBuffers {
-    /// T(x, t), +inf where no disc covers, and the tolerance of the disc that it is of: with an apron.
+    /// T(x, t), +inf where no disc covers: with an apron.
     pub threshold: Vec<f32>,
-    pub epsilon: Vec<f32>,
     /// Depth of the nearest disc, +inf where no disc covers: with an apron; empty where all objects have one tolerance.
     pub nearest: Vec<f32>,
     /// Depths up to which all was peeled off: only what lies behind counts. With an apron; empty where nothing was.
@@ -63,7 +62,7 @@ pub(in crate::backend) struct PaintBuffers {
 impl PaintBuffers {
     /// Bytes of one tile's buffers, with a filter or without. `nearest`: with the depth of the nearest disc.
     pub(in crate::backend) const fn bytes(channels: usize, filtered: bool, nearest: bool) -> u64 {
-        let (planes, depths) = if filtered { (4 * (channels + EXTRA) + 1, 3) } else { (channels, 1) };
+        let (planes, depths) = if filtered { (4 * (channels + EXTRA) + 1, 2) } else { (channels, 1) };
         let depths = depths + nearest as usize;
         ((planes * ROWS * STRIDE + depths * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
     }
@@ -72,7 +71,6 @@ impl PaintBuffers {
         let with_apron = APRON_ROWS * APRON_STRIDE;
         for (plane, floats, value) in [
             (&mut self.threshold, with_apron, f32::INFINITY),
-            (&mut self.epsilon, if filtered { with_apron } else { 0 }, 0.0),
             (&mut self.nearest, if nearest { with_apron } else { 0 }, f32::INFINITY),
             (&mut self.second, if filtered { ROWS * STRIDE } else { 0 }, f32::INFINITY),
         ] {

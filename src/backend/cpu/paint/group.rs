@@ -55,11 +55,10 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
         if K::FILTERED { self.scope.raster.apron() } else { 0 }
     }
 
-    /// The depth tolerance of all objects; `None` where they have several.
-    pub(in crate::backend::cpu) fn tolerance_of_all(&self) -> Option<Depths> {
-        let mut all = self.scope.group.samples.iter().flat_map(|sample| &sample.objects).map(|object| object.epsilon);
-        let epsilon = all.next()?;
-        all.all(|other| other == epsilon).then_some(Depths { near: self.scope.frame.near, epsilon })
+    /// The least depth tolerance of the objects whose surfels it shows.
+    pub(in crate::backend) fn least_tolerance(&self, see_through: bool) -> Depths {
+        let Scope { frame, group, .. } = &self.scope;
+        Depths { near: frame.near, epsilon: frame.least_tolerance(group, see_through) }
     }
 
     fn samples(&self) -> usize {
@@ -84,15 +83,13 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
             job.buffers.paint.floor.clear();
             job.buffers.paint.moves = false;
         }
-        // Nobody asks for tolerances where pixels have one layer.
-        let tolerances = self.scope.frame.has_layers(K::FILTERED) && self.tolerance_of_all().is_none();
         let (rect, _) = with_apron(&job.tile, self.apron(), self.scope.raster.size);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
             if !list.is_empty() {
                 let buffers = &mut job.buffers.paint;
                 buffers.moves |= !self.scope.frame.objects[chunk.object].is_static;
-                visibility(&binned.splats, list, self.scope.depths(chunk), &rect, tolerances, buffers);
+                visibility(&binned.splats, list, self.scope.depths(chunk), &rect, buffers);
             }
         }
         self.scope.clocks.visibility.add(start);
@@ -103,7 +100,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
         let start = Instant::now();
         let size = self.scope.raster.size;
         if job.first {
-            find_open(&job.tile, self.apron(), size, self.tolerance_of_all(), &mut job.buffers.paint);
+            find_open(&job.tile, self.apron(), size, self.least_tolerance(false), &mut job.buffers.paint);
         }
         let first = self.first(job);
         if job.buffers.paint.any_open() {

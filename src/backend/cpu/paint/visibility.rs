@@ -14,50 +14,38 @@ use crate::layout::Splat;
 use crate::math::simd::dispatch;
 
 dispatch! {
-    /// Lowers the thresholds of a tile and its apron by the splats that `list` names. `tolerances`: keep those of the
-    /// nearest discs, too.
+    /// Lowers the thresholds of a tile and its apron by the splats that `list` names.
     pub(in crate::backend) fn visibility<K: Kernel>(
-        splats: &[K], list: &[u32], depths: Depths, rect: &TileRect, tolerances: bool, buffers: &mut PaintBuffers,
+        splats: &[K], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut PaintBuffers,
     ) = visibility_body
 }
 
 #[inline(always)]
-fn visibility_body<K: Kernel>(
-    splats: &[K],
-    list: &[u32],
-    depths: Depths,
-    rect: &TileRect,
-    tolerances: bool,
-    buffers: &mut PaintBuffers,
-) {
+fn visibility_body<K: Kernel>(splats: &[K], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut PaintBuffers) {
     let (behind, nearest) = (!buffers.floor.is_empty(), !buffers.nearest.is_empty());
     for &index in list {
         let splat = splats[index as usize].disc();
         let Some(touched) = Touched::within(splat.bounds, rect) else { continue };
         macro_rules! lower {
-            ($w:expr, $tolerances:expr, $nearest:expr, $behind:expr) => {
-                lower::<$w, $tolerances, $nearest, $behind>(splat, &touched, depths, rect, buffers)
+            ($w:expr, $nearest:expr, $behind:expr) => {
+                lower::<$w, $nearest, $behind>(splat, &touched, depths, rect, buffers)
             };
         }
-        // Only a filter asks for tolerances, and for what lies behind a floor: there nothing has a limit of its own.
-        match (touched.is_narrow(), K::FILTERED && tolerances, nearest, K::FILTERED && behind) {
-            (true, false, false, false) => lower!(NARROW, false, false, false),
-            (false, false, false, false) => lower!(LANES, false, false, false),
-            (true, true, false, false) => lower!(NARROW, true, false, false),
-            (false, true, false, false) => lower!(LANES, true, false, false),
-            (true, false, true, false) => lower!(NARROW, false, true, false),
-            (false, false, true, false) => lower!(LANES, false, true, false),
-            (true, true, true, false) => lower!(NARROW, true, true, false),
-            (false, true, true, false) => lower!(LANES, true, true, false),
-            (true, _, _, true) => lower!(NARROW, true, false, true),
-            (false, _, _, true) => lower!(LANES, true, false, true),
+        // Only see-through surfels lie behind a floor: there nothing has a limit of its own.
+        match (touched.is_narrow(), nearest, K::FILTERED && behind) {
+            (true, false, false) => lower!(NARROW, false, false),
+            (false, false, false) => lower!(LANES, false, false),
+            (true, true, false) => lower!(NARROW, true, false),
+            (false, true, false) => lower!(LANES, true, false),
+            (true, _, true) => lower!(NARROW, false, true),
+            (false, _, true) => lower!(LANES, false, true),
         }
     }
 }
 
 /// `NEAREST`: lowers the least depths, too. `BEHIND`: only discs behind the floor count.
 #[inline(always)]
-fn lower<const W: usize, const TOLERANCES: bool, const NEAREST: bool, const BEHIND: bool>(
+fn lower<const W: usize, const NEAREST: bool, const BEHIND: bool>(
     splat: &Splat,
     touched: &Touched,
     depths: Depths,
@@ -72,10 +60,6 @@ fn lower<const W: usize, const TOLERANCES: bool, const NEAREST: bool, const BEHI
             let patch = Patch::<W>::new(touched, rect, x, y);
             let at = y * APRON_STRIDE + x;
             let mut threshold = patch::load::<W>(&buffers.threshold[at..], APRON_STRIDE);
-            let mut epsilon = [0.0; LANES];
-            if TOLERANCES {
-                epsilon = patch::load::<W>(&buffers.epsilon[at..], APRON_STRIDE);
-            }
             let mut nearest = [0.0; LANES];
             if NEAREST {
                 nearest = patch::load::<W>(&buffers.nearest[at..], APRON_STRIDE);
@@ -87,13 +71,9 @@ fn lower<const W: usize, const TOLERANCES: bool, const NEAREST: bool, const BEHI
             for l in 0..LANES {
                 let hit = patch.at(splat, l);
                 let depth = 1.0 / hit.inverse_depth;
-                let tolerance = depths.tolerance(depth);
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                 let covers = covers & (!BEHIND | (depth > floor[l]));
-                let candidate = if covers { depth + tolerance } else { f32::INFINITY };
-                if TOLERANCES {
-                    epsilon[l] = if candidate < threshold[l] { tolerance } else { epsilon[l] };
-                }
+                let candidate = if covers { depth + depths.tolerance(depth) } else { f32::INFINITY };
                 threshold[l] = if candidate < threshold[l] { candidate } else { threshold[l] };
                 if NEAREST {
                     let candidate = if covers { depth } else { f32::INFINITY };
@@ -101,9 +81,6 @@ fn lower<const W: usize, const TOLERANCES: bool, const NEAREST: bool, const BEHI
                 }
             }
             patch::store::<W>(&mut buffers.threshold[at..], APRON_STRIDE, &threshold);
-            if TOLERANCES {
-                patch::store::<W>(&mut buffers.epsilon[at..], APRON_STRIDE, &epsilon);
-            }
             if NEAREST {
                 patch::store::<W>(&mut buffers.nearest[at..], APRON_STRIDE, &nearest);
             }
@@ -189,16 +166,16 @@ dispatch! {
     /// Finds the pixels that are not solid, and those near which there is one that no disc covers.
     ///
     /// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those
-    /// of a plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of
-    /// `size` pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that
-    /// `visibility` kept are taken.
+    /// of a plane do, up to four times the depths that show: opposite neighbours agree with their middle. Pixels
+    /// outside the image of `size` pixels do not count. The depths that show reach from the nearest disc to T where the
+    /// former is known, else as far as the `least` tolerance of objects.
     pub(in crate::backend) fn find_open(
-        tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut PaintBuffers,
+        tile: &TileRect, apron: usize, size: [u32; 2], least: Depths, buffers: &mut PaintBuffers,
     ) = find_open_body
 }
 
 #[inline(always)]
-fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut PaintBuffers) {
+fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], least: Depths, buffers: &mut PaintBuffers) {
     const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
     let (rect, [left, top]) = with_apron(tile, apron, size);
     // Inverse depths with the whole apron; NaN outside the image, 0 where nothing covers.
@@ -219,10 +196,14 @@ fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<
         let mut open = rim;
         let middle = &inverse[y + apron][apron..][..TILE];
         let first = (y + top) * APRON_STRIDE + left;
-        let epsilon = &mut buffers.epsilon[first..][..TILE];
-        if let Some(depths) = of_all {
-            let thresholds = &buffers.threshold[first..][..TILE];
-            epsilon.iter_mut().zip(thresholds).for_each(|(epsilon, depth)| *epsilon = depths.tolerance(*depth));
+        let thresholds = &buffers.threshold[first..][..TILE];
+        let mut reach = [0.0; TILE];
+        if buffers.nearest.is_empty() {
+            reach.iter_mut().zip(thresholds).for_each(|(reach, depth)| *reach = least.tolerance(*depth));
+        } else {
+            let nearest = &buffers.nearest[first..][..TILE];
+            let both = thresholds.iter().zip(nearest);
+            reach.iter_mut().zip(both).for_each(|(reach, (depth, nearest))| *reach = depth - nearest);
         }
         for distance in 1..=apron {
             for (dx, dy) in [(1, 0), (0, 1), (1, 1), (-1_isize, 1_isize)] {
@@ -233,7 +214,7 @@ fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<
                 let (before, behind) = (pick(-1), pick(1));
                 for x in 0..TILE {
                     let bend = (before[x] + behind[x] - 2.0 * middle[x]).abs();
-                    open[x] |= u32::from(bend > 4.0 * epsilon[x] * (middle[x] * middle[x]));
+                    open[x] |= u32::from(bend > 4.0 * reach[x] * (middle[x] * middle[x]));
                 }
             }
         }

@@ -44,7 +44,7 @@ impl TileWork for MapGroup<'_> {
                 }
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
                     let list = binned.list(&job.tile, job.scratch);
-                    visibility(&binned.splats, list, self.scope.depths(chunk), &job.tile, false, buffers);
+                    visibility(&binned.splats, list, self.scope.depths(chunk), &job.tile, buffers);
                 }
             }
             MapPass::Store => map::store(&job.tile, &buffers.threshold, job.out),

@@ -73,7 +73,7 @@ impl TileWork for SeeThroughGroup<'_> {
             }
             LayerPass::Second(_) => {
                 let (apron, size) = (self.scope.raster.apron(), self.scope.raster.size);
-                find_open(&job.tile, apron, size, self.paint().tolerance_of_all(), &mut job.buffers.paint);
+                find_open(&job.tile, apron, size, self.paint().least_tolerance(true), &mut job.buffers.paint);
                 clocks.visibility.add(start);
             }
             LayerPass::Attribute(_) => {
@@ -112,11 +112,10 @@ impl SeeThroughGroup<'_> {
             std::mem::swap(&mut buffers.threshold, &mut buffers.floor);
             buffers.clear_depths(true, false);
         }
-        let tolerances = scope.frame.has_layers(true) && self.paint().tolerance_of_all().is_none();
         let (rect, _) = with_apron(&job.tile, scope.raster.apron(), scope.raster.size);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
-            visibility(&binned.splats, list, scope.depths(chunk), &rect, tolerances, buffers);
+            visibility(&binned.splats, list, scope.depths(chunk), &rect, buffers);
         }
     }
 

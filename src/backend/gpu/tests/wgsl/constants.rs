@@ -126,8 +126,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 15] = [
-    ("READ", "how a workgroup shares its memory; the CPU reads discs one by one"),
+const OF_DEVICE: [(&str, &str); 16] = [
     ("LANES", "invocations of a workgroup by pixels"),
     ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
     ("PANEL_COLUMNS", "how a workgroup by pixels parts its tile"),
@@ -138,6 +137,8 @@ const OF_DEVICE: [(&str, &str); 15] = [
     ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),
     ("NO_LANDING", "the CPU has no branch that would need it: it lands all surfels of a vector"),
     ("OUTSIDE", "mark in workgroup memory"),
+    ("PIECE", "how the device parts lists among workgroups"),
+    ("PIECES_OF_ROW", "likewise"),
     ("RUN", "how a workgroup counts entries of a list; the CPU sorts them"),
     ("RUNS", "likewise"),
     ("UNWANTED", "mark in thresholds; the CPU skips pixels that are not wanted"),

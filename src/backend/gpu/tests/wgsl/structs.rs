@@ -80,7 +80,8 @@ fn shared() -> Vec<(&'static str, Layout)> {
             first_segment,
             first_moment,
             walks,
-            stretch
+            stretch,
+            epsilon
         }),
         layout!(Segment {
             screen,
