@@ -6,8 +6,8 @@ use super::compare::{compare, flat};
 use super::gpu_or_skip;
 use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
 use super::mutants::{Mutant, all_are_noticed, named};
+use super::posed::{Context, Posed, whole};
 use super::slots::Slots;
-use super::splat_twins::{Context, Posed, whole};
 use super::sweep_twins::SweepTwins;
 use super::sweeps::{compare_sums, mask_planes, same_with_small_buffers, values};
 use crate::backend::cpu::Cpu;
@@ -15,7 +15,7 @@ use crate::backend::cpu::swept::SweepGroup;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
 use crate::backend::gpu::slots::Slot;
-use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
+use crate::layout::{SweptFilter, SweptSplat};
 use crate::options::Prefilter;
 use crate::plan::{Step, SweepPass};
 use crate::renderer::render_checked;
@@ -35,7 +35,7 @@ pub(super) fn filtered() -> Vec<Case> {
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
     let context = Context::of(&frame);
-    let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
+    let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
     let (interval, kernel) = frame
         .steps()
         .find_map(|step| match *step {
@@ -51,12 +51,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let on_band = tiles(harness.prepared.schedule.rasters[0].tiles);
 
     let both = twins.sweep();
-    let of_object = |_: &_, object| &both.iter().find(|posed| posed.chunk.object == object).unwrap().splats[..];
-    let with_segment = |kernel: &FilteredSplat, segment| {
-        let flags = kernel.splat.flags | segment << 3;
-        FilteredSplat { splat: SweptSplat { flags, ..kernel.splat }, ..*kernel }
-    };
-    let slots = Slots::new(&harness.batch, &on_band, of_object, with_segment, |_| true);
+    let slots = Slots::new(&harness, &on_band, &both);
     harness.spoil();
     harness.run(Pass::MakeKernels);
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;

@@ -5,7 +5,7 @@ use std::mem::take;
 
 use super::cases::{self, Case};
 use super::gpu_or_skip;
-use super::splats;
+use super::paint;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::lanes::Lanes;
 use crate::backend::gpu::passes::Variant;
@@ -129,9 +129,9 @@ fn broken_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_are_noticed") else { return };
     let cases = cases::all();
     gpu.state.device.lanes = Lanes::Quads;
-    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| splats::check(gpu, named(&cases, name)));
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| paint::check(gpu, named(&cases, name)));
     gpu.state.device.lanes = Lanes::Pixels;
-    all_are_noticed(&mut gpu, &BY_PIXELS, |gpu, name| splats::check(gpu, named(&cases, name)));
+    all_are_noticed(&mut gpu, &BY_PIXELS, |gpu, name| paint::check(gpu, named(&cases, name)));
 }
 
 /// Other roundings, such as a driver may choose: one unit in the last place more, where sums may cancel.
@@ -164,6 +164,6 @@ fn programs_that_round_otherwise_pass() {
     }
     for case in cases::all() {
         eprintln!("{}:", case.name);
-        splats::check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+        paint::check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
     }
 }

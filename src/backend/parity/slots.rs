@@ -5,8 +5,9 @@ use bytemuck::Pod;
 
 use super::compare::{Tally, largest};
 use super::harness::{Harness, WIDE};
-use crate::backend::gpu::batches::Batch;
-use crate::backend::gpu::layout::{Segment, TILE, WIDEST};
+use super::posed::Posed;
+use crate::backend::cpu::published::LowPassSplat;
+use crate::backend::gpu::layout::{TILE, WIDEST};
 use crate::backend::gpu::slots::Slot;
 use crate::layout::{EwaSplat, FilteredSplat, Splat, SweptFilter, SweptSplat};
 
@@ -19,6 +20,8 @@ pub(super) trait Slotted: Pod {
         vec![self.bounds()]
     }
     fn surfel(&self) -> u32;
+    /// The same, with the number of its segment among its flags.
+    fn with_segment(self, segment: u32) -> Self;
     /// What must be equal, and floats, each with the scale of its rounding.
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>);
 }
@@ -29,6 +32,9 @@ impl Slotted for Splat {
     }
     fn surfel(&self) -> u32 {
         self.surfel
+    }
+    fn with_segment(self, segment: u32) -> Self {
+        Self { flags: self.flags | segment << 1, ..self }
     }
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
         let Self { reference, inverse_depth, u, v, centre_depth, .. } = *self;
@@ -42,6 +48,21 @@ impl Slotted for Splat {
     }
 }
 
+impl Slotted for LowPassSplat {
+    fn bounds(&self) -> [u16; 4] {
+        self.0.bounds
+    }
+    fn surfel(&self) -> u32 {
+        self.0.surfel
+    }
+    fn with_segment(self, segment: u32) -> Self {
+        Self(self.0.with_segment(segment))
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        self.0.parts()
+    }
+}
+
 impl Slotted for EwaSplat {
     fn bounds(&self) -> [u16; 4] {
         self.listed_bounds
@@ -51,6 +72,9 @@ impl Slotted for EwaSplat {
     }
     fn surfel(&self) -> u32 {
         self.disc.surfel
+    }
+    fn with_segment(self, segment: u32) -> Self {
+        Self { disc: self.disc.with_segment(segment), ..self }
     }
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
         let Self { disc, u, v, shrink, p, peak, weight, crossing, .. } = *self;
@@ -71,6 +95,9 @@ impl Slotted for SweptSplat {
     }
     fn surfel(&self) -> u32 {
         self.surfel
+    }
+    fn with_segment(self, segment: u32) -> Self {
+        Self { flags: self.flags | segment << 3, ..self }
     }
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
         let Self { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, .. } = *self;
@@ -97,6 +124,9 @@ impl Slotted for FilteredSplat {
     }
     fn surfel(&self) -> u32 {
         self.splat.surfel
+    }
+    fn with_segment(self, segment: u32) -> Self {
+        Self { splat: self.splat.with_segment(segment), ..self }
     }
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
         let SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, coverage } = self.filtered;
@@ -136,25 +166,19 @@ pub(super) struct Slots<S> {
 }
 
 impl<S: Slotted> Slots<S> {
-    /// The slots of `batch`. `splats_of`: the splats of a segment's object, of all surfels. `finish`: what the device
-    /// adds to a splat, given the index of its segment. Lists are those of `tiles`; `wants`: is a tile rendered?
-    pub(super) fn new<'a>(
-        batch: &Batch,
-        tiles: &[[usize; 2]],
-        splats_of: impl Fn(&Segment, usize) -> &'a [S],
-        finish: impl Fn(&S, u32) -> S,
-        wants: impl Fn([usize; 2]) -> bool,
-    ) -> Self
-    where
-        S: 'a,
-    {
+    /// The slots of the batch. Lists are those of `tiles`.
+    pub(super) fn new(harness: &Harness<'_>, tiles: &[[usize; 2]], posed: &[Posed<'_, S>]) -> Self {
+        let (batch, wants) = (&harness.batch, |tile| harness.wants(tile));
         let slots = batch.slots as usize;
         let mut splats = vec![None; slots];
         for (segment, object, _) in &batch.segments {
             let first = segment.buffer_start + segment.first_surfel;
             let surfels = first..first + segment.surfels;
-            for splat in splats_of(segment, *object).iter().filter(|splat| surfels.contains(&splat.surfel())) {
-                splats[(segment.first_slot + splat.surfel() - first) as usize] = Some(finish(splat, segment.index));
+            let sample = (segment.flags >> 3).saturating_sub(1) as usize;
+            let all = posed.iter().find(|posed| (posed.chunk.sample, posed.chunk.object) == (sample, *object)).unwrap();
+            for splat in all.splats.iter().filter(|splat| surfels.contains(&splat.surfel())) {
+                let slot = (segment.first_slot + splat.surfel() - first) as usize;
+                splats[slot] = Some(splat.with_segment(segment.index));
             }
         }
         let tiles_of = |splat: &S| splat.bounds().map(|pixel| usize::from(pixel) / TILE as usize);

@@ -3,7 +3,7 @@
 //! What they read is made by the constructors that rendering uses ([`Scope`], [`SweepGroup`], [`MapGroup`],
 //! [`PublishedSweepGroup`]). Only tiles have another size.
 
-use super::splat_twins::{self, Posed, whole_chunks};
+use super::posed::{self, Posed, whole_chunks};
 use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::job::Job;
@@ -40,7 +40,7 @@ pub(super) struct MapTwins<'a> {
 impl MapTwins<'_> {
     /// Splats at mid-interval.
     pub(super) fn project(&self) -> Vec<Posed<'_>> {
-        splat_twins::project(&self.group.scope)
+        posed::project(&self.group.scope)
     }
 
     /// Thresholds of a tile of the map.

@@ -6,8 +6,8 @@ use super::compare::{Tally, compare, flat};
 use super::gpu_or_skip;
 use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
 use super::mutants::{Mutant, all_are_noticed, named};
+use super::posed::{Context, whole};
 use super::slots::Slots;
-use super::splat_twins::{Context, Posed, whole};
 use super::sweep_twins::{MapTwins, PublishedTwins, SweptSums};
 use crate::backend::Backend;
 use crate::backend::cpu::Cpu;
@@ -16,22 +16,16 @@ use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
 use crate::backend::gpu::slots::Slot;
 use crate::film::Picture;
-use crate::layout::{Splat, SweptSplat};
 use crate::plan::{MapPass, Published, PublishedSweepPass, Step};
 use crate::renderer::{Rendered, render_checked};
 use crate::time::FrameNumber;
-
-/// The splats of an object. An interval has one sample.
-fn splats_of_object<'a, S>(all: &'a [Posed<'_, S>], object: usize) -> &'a [S] {
-    &all.iter().find(|posed| posed.chunk.object == object).unwrap().splats
-}
 
 /// All passes of the first group of a case; the first that differs.
 #[allow(clippy::too_many_lines, reason = "one pass after the other, each fed by the one before")]
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
     let context = Context::of(&frame);
-    let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
+    let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
     let (interval, kernel) = frame
         .steps()
         .find_map(|step| match *step {
@@ -49,9 +43,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
 
     let splats = map_twins.project();
-    let splats_of = |_: &_, object| splats_of_object(&splats, object);
-    let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };
-    let slots = Slots::new(&harness.batch, &on_map, splats_of, with_segment, |_| true);
+    let slots = Slots::new(&harness, &on_map, &splats);
     harness.spoil();
     harness.run(Pass::Project);
     slots.compare_splats(&harness).map_err(failed(Pass::Project))?;
@@ -90,9 +82,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let group = PublishedSweepGroup { scope: scope(band), interval: &interval, kernel, map: &map };
     let twins = PublishedTwins { group, edge };
     let kernels = twins.sweep();
-    let kernels_of = |_: &_, object| splats_of_object(&kernels, object);
-    let with_segment = |kernel: &SweptSplat, segment| SweptSplat { flags: kernel.flags | segment << 3, ..*kernel };
-    let slots = Slots::new(&harness.batch, &on_band, kernels_of, with_segment, |_| true);
+    let slots = Slots::new(&harness, &on_band, &kernels);
     harness.run(Pass::MakeKernels);
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
     slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;

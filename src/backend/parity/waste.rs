@@ -4,11 +4,11 @@
 use glam::DVec3;
 
 use super::cases::{ball, object, scene};
-use super::ewa_twins::EwaTwins;
 use super::gpu_or_skip;
 use super::harness::{Harness, Pass};
 use super::mutants::{Mutant, all_are_noticed};
-use super::splat_twins::{Context, whole};
+use super::paint_twins::PaintTwins;
+use super::posed::{Context, whole};
 use crate::backend::Waste;
 use crate::backend::cpu::paint::{PaintGroup, RasterRays, waste_of};
 use crate::backend::cpu::waste::whole as all_pixels;
@@ -27,8 +27,8 @@ const MOST: f64 = 1.05;
 fn wastes(gpu: &mut Gpu, frame: &Frame) -> Option<[Waste; 2]> {
     assert!(frame.has_filtered_kernels(), "splats of full EWA are read");
     let context = Context::of(frame);
-    let mut harness = Harness::new(gpu, frame, &context)?;
-    harness.run(Pass::Filter);
+    let mut harness = Harness::new(gpu, frame)?;
+    harness.run(Pass::Project);
     let buffers = &harness.gpu.state.buffers;
     let slots = harness.batch.slots as usize;
     let touched: Vec<u32> = harness.read(&buffers[Slot::Touched], slots);
@@ -36,7 +36,7 @@ fn wastes(gpu: &mut Gpu, frame: &Frame) -> Option<[Waste; 2]> {
     let devices = splats.into_iter().zip(touched).filter(|(_, touched)| *touched > 0).map(|(splat, _)| splat).collect();
     let position = &frame.rasters[0].positions[0];
     let scope = context.scope(frame, position, &position.groups[0], whole(position));
-    let twins = EwaTwins { group: PaintGroup::new(scope), edge: TILE as usize };
+    let twins = PaintTwins { group: PaintGroup::new(scope), edge: TILE as usize };
     let cpus = twins.project().into_iter().flat_map(|posed| posed.splats).collect();
     // Depths are known around the pixels, too.
     let (raster, mut band) = (&position.raster, whole(position));
