@@ -34,7 +34,7 @@ struct Totals {
     groups: vec3<u32>,
     entries: u32,
     wide: u32,
-    // The same of a dispatch with one invocation for each entry, in columns, rows and layers.
+    // Columns, rows and layers of workgroups of an indirect dispatch with one invocation for each entry.
     columns: u32,
     rows: u32,
     layers: u32,

@@ -9,8 +9,9 @@ const LANES: u32 = 256u;
 const PANEL_LANES: u32 = 32u;
 const PANEL_COLUMNS: u32 = 8u;
 const PANEL_ROWS: u32 = 4u;
-// Panels of a workgroup.
+// Panels of a tile, and of a row of it.
 const PANELS: u32 = LANES / PANEL_LANES;
+const PANELS_OF_ROW: u32 = TILE / PANEL_COLUMNS;
 // Words of a panel's mask.
 override WORDS: u32 = AT_ONCE / 32u;
 var<workgroup> masks: array<atomic<u32>, PANELS * WORDS>;
@@ -28,11 +29,12 @@ fn any_lane(lane: u32, flag: bool) -> bool {
     return workgroupUniformLoad(&vote) != 0u;
 }
 
-// The pixel of an invocation, counted from the first panel. Its panel is one of those from panel `before` on.
-fn in_panels(lane: u32, before: u32, in_row: u32) -> vec2<u32> {
-    let panel = before + lane / PANEL_LANES;
+// The pixel of an invocation, counted from the tile's first.
+fn in_panels(lane: u32) -> vec2<u32> {
+    let panel = lane / PANEL_LANES;
     let in_panel = vec2<u32>(lane % PANEL_COLUMNS, (lane % PANEL_LANES) / PANEL_COLUMNS);
-    return vec2<u32>(panel % in_row, panel / in_row) * vec2<u32>(PANEL_COLUMNS, PANEL_ROWS) + in_panel;
+    let first = vec2<u32>(panel % PANELS_OF_ROW, panel / PANELS_OF_ROW) * vec2<u32>(PANEL_COLUMNS, PANEL_ROWS);
+    return first + in_panel;
 }
 
 // Number of entries of a walk.
@@ -65,20 +67,15 @@ fn clear_masks(lane: u32) {
     if lane < PANELS * WORDS { atomicStore(&masks[lane], 0u); }
 }
 
-// Notes that entry `k` of those that are read may touch the pixels in `bounds`. Panels count from `first`, row by row,
-// `in_row` in a row; this workgroup's are PANELS from panel `before` on.
-fn mark(k: u32, bounds: vec4<u32>, first: vec2<i32>, in_row: u32, before: u32) {
+// Notes that entry `k` of those that are read may touch the pixels in `bounds`. The tile begins at pixel `first`.
+fn mark(k: u32, bounds: vec4<u32>, first: vec2<i32>) {
     let from_first = vec4<i32>(bounds) - first.xxyy;
     if from_first.y < 0 || from_first.w < 0 { return; }
     let low = vec2<u32>(max(from_first.xz, vec2<i32>(0))) / vec2<u32>(PANEL_COLUMNS, PANEL_ROWS);
     let high = vec2<u32>(from_first.yw) / vec2<u32>(PANEL_COLUMNS, PANEL_ROWS);
-    let last_row = min(high.y, (before + PANELS - 1u) / in_row);
-    for (var y = max(low.y, before / in_row); y <= last_row; y += 1u) {
-        for (var x = low.x; x <= min(high.x, in_row - 1u); x += 1u) {
-            let panel = y * in_row + x;
-            if panel >= before && panel < before + PANELS {
-                atomicOr(&masks[(panel - before) * WORDS + k / 32u], 1u << (k % 32u));
-            }
+    for (var y = low.y; y <= min(high.y, PANELS / PANELS_OF_ROW - 1u); y += 1u) {
+        for (var x = low.x; x <= min(high.x, PANELS_OF_ROW - 1u); x += 1u) {
+            atomicOr(&masks[(y * PANELS_OF_ROW + x) * WORDS + k / 32u], 1u << (k % 32u));
         }
     }
 }

@@ -1,5 +1,5 @@
 // What an invocation works on: a quad, four neighbouring pixels of a row. Software devices are fast with it.
-// Its other form: common/pixel.wgsl. Programs that have one form alone work on quads.
+// Its other form: common/pixel.wgsl. The table of passes says what programs with one form work on.
 
 alias Floats = vec4<f32>;
 alias Bools = vec4<bool>;

@@ -1,4 +1,4 @@
-// Includes: common/types common/views common/fast common/channels common/hit common/list paint/walk paint/both_walks
+// Includes: common/types common/views common/fast common/channels common/hit common/list paint/rest paint/both_walks
 // Includes: common/depths paint/kernel paint/sums
 // Pass `attribute` (program `sum_attributes`): sums the attributes of the splats that pass the depth test, with their
 // weights. Filtered kernels have four layers by depth; solid pixels, groups of several samples, and kernels without a

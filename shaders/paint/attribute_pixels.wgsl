@@ -10,7 +10,7 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     if !has_tile(tile.xy) { return; }
     let index = tile_of(tile.xy);
     if rests(tile.xy) { return; }
-    let at = in_panels(lane, 0u, TILE / PANEL_COLUMNS);
+    let at = in_panels(lane);
     let pixels = pixels_of(tile.xy, at);
     // That is so in all pixels of a tile or in none.
     if !any_lane(lane, is_live(index) && pixels.first != UNWANTED) { return; }
@@ -80,7 +80,7 @@ fn read_kernels(lane: u32, tile: vec2<u32>, walk: Walk, before: u32, entries: u3
         slots_read[lane] = slot;
         kernels_read[lane] = splats[slot];
         let first = vec2<i32>(vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE);
-        mark(lane, weight_bounds(splats[slot]), first, TILE / PANEL_COLUMNS, 0u);
+        mark(lane, weight_bounds(splats[slot]), first);
     }
     workgroupBarrier();
 }

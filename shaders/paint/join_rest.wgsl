@@ -1,4 +1,4 @@
-// Includes: common/types common/views paint/walk common/depths
+// Includes: common/types common/views paint/rest common/depths
 // The end of pass `visibility` where groups share what is at rest: their own depths are no more than its depths.
 // One workgroup per tile, one invocation per quad. Thresholds are in and out; tiles at rest are left alone.
 

@@ -1,5 +1,5 @@
 // Includes: common/types common/views common/fast common/channels common/shading common/environment common/depths
-// Includes: resolve paint/walk
+// Includes: resolve paint/rest
 // Pass `resolve`: composites the layers of a pixel, front to back, shades them, and adds them to the film with the time
 // weight.
 // Twins: src/backend/cpu/paint/resolve.rs, published/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10, and section 3.

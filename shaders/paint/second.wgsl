@@ -1,4 +1,4 @@
-// Includes: common/wanted paint/walk paint/meet
+// Includes: common/wanted paint/rest paint/meet
 // Pass `second`, of filtered kernels: the minimum of `visibility` over the discs behind the limits of their objects;
 // and which pixels are solid, or near a rim.
 // This program begins the second thresholds of tiles, and takes the wide splats. Then second_entries.wgsl takes all

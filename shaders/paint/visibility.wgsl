@@ -1,4 +1,4 @@
-// Includes: common/wanted paint/walk paint/meet
+// Includes: common/wanted paint/rest paint/meet
 // Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel; with a filter for each tile
 // and the apron around it. Where objects have several tolerances, the least depth of the tile's pixels, too.
 // This program begins the depths of tiles, and takes the wide splats. Then visibility_entries.wgsl takes all others,

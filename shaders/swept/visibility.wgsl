@@ -1,15 +1,13 @@
-// Includes: common/types common/views common/fast common/swept common/swept_filter common/sweep common/ray common/list
+// Includes: swept/slices common/list
 // Pass `visibility` for kernels in motion: the depth threshold of each slice of the interval, and its least depth where
-// objects have several tolerances.
-// Twin: src/backend/cpu/swept/slices.rs.  Math: docs/math.md, section 7.
+// objects have several tolerances. This program begins them, and takes the wide kernels. Then visibility_entries.wgsl
+// takes all others.
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        segments  epsilon of a kernel's object
 //   in and out  map   for each tile, for each slice, its pixels: thresholds, NONE where nothing covers the middle of
 //                  the slice; behind those of all tiles the least depths, likewise
 // One workgroup per tile, one invocation per pixel. The order of kernels does not change a minimum.
 
-@group(1) @binding(2) var<storage, read> segments: array<Segment>;
-@group(1) @binding(4) var<storage, read> splats: array<SweptSplat>;
 @group(1) @binding(10) var<storage, read> list: array<u32>;
 @group(1) @binding(11) var<storage, read> wide: array<u32>;
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
@@ -30,43 +28,19 @@ fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoc
             if NEAREST { map[nearest + slice * TILE_PIXELS] = NONE; }
         }
     }
-    var walk = stretch_of(walk_of(index));
+    var walk = walk_of(index);
+    walk.next = walk.end;
+    walk = stretch_of(walk);
     while has_next(walk) {
-        lower(next_slot(&walk), pixel, slices, nearest);
-    }
-}
-
-// Lowers the thresholds, and the nearest depths, of the slices whose middle a kernel covers.
-fn lower(slot: u32, pixel: vec2<u32>, slices: u32, nearest: u32) {
-    let bounds = unpack(splats[slot].bounds);
-    if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
-    let place = vec2<f32>(pixel);
-    if !in_hull(slot, place) { return; }
-    let splat = splats[slot];
-    let x = place.x + 0.5 - splat.reference.x;
-    let y = place.y + 0.5 - splat.reference.y;
-    let i = splat.inverse_depth;
-    let w = form(i, x, y);
-    let path = Path(
-        vec2<f32>(form(splat.u, x, y), form(splat.v, x, y)),
-        vec2<f32>(form(splat.u_rate, x, y), form(splat.v_rate, x, y)),
-        w,
-    );
-    let k = i[0] * splat.motion[0] + i[1] * splat.motion[1] + i[2] * splat.motion[2];
-    let span = beyond_near(view.near * w - 1.0, k, reciprocal(k), covered(sweep_of(path, 0.0)));
-    if !(w > 0.0 && span.x < span.y) { return; }
-    let epsilon = segments[splat.flags >> SEGMENT_SHIFT].epsilon;
-    let plane = vec2<f32>(1.0 / w, k / w);
-    let ends = slices_in(span);
-    for (var slice = ends.x; slice <= ends.y; slice += 1u) {
-        let middle = slice_times(slice).y;
-        if span.x < middle && middle < span.y {
-            let depth = plane.x + middle * plane.y;
-            let at = slices + slice * TILE_PIXELS;
-            map[at] = min(map[at], depth + tolerance_at(depth, epsilon));
+        let kernel = covered_at(next_slot(&walk), pixel);
+        for (var slice = kernel.first; slice <= kernel.last; slice += 1u) {
+            let depth = depth_in(kernel, slice);
+            if depth == 0.0 { continue; }
+            let place = slices + slice * TILE_PIXELS;
+            map[place] = min(map[place], depth + tolerance_at(depth, kernel.epsilon));
             if NEAREST {
-                let nearest_at = nearest + slice * TILE_PIXELS;
-                map[nearest_at] = min(map[nearest_at], depth);
+                let nearest_place = nearest + slice * TILE_PIXELS;
+                map[nearest_place] = min(map[nearest_place], depth);
             }
         }
     }

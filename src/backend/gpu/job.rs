@@ -74,14 +74,14 @@ impl<'a> JobPlace<'a> {
         let around = self.area().guarded(interval.guard);
         let has_map = self.prepared.frame.guard().is_some();
         let map = if has_map { around } else { Area { tiles: [0; 2], ..around } };
-        let (walks, stretch) = (if has_map { 1 } else { 2 }, self.prepared.stretch);
-        Job { map, interval: Some(interval), walks, stretch, ..self.job(group) }
+        Job { map, interval: Some(interval), stretch: self.prepared.stretch, ..self.job(group) }
     }
 
     /// The job of the map of a group's interval.
     pub(in crate::backend) fn map_job(self, group: usize, guard: u32) -> Job<'a> {
         let map = self.area().guarded(guard);
-        Job { area: map, map, ..self.job(group) }
+        // Its passes walk over no lists.
+        Job { area: map, map, walks: 0, ..self.job(group) }
     }
 
     /// The surfels of a group, cut into batches.

@@ -1,7 +1,6 @@
 //! What invocations work on.
 
-/// What an invocation of passes `visibility`, `second` and `attribute` works on (`shaders/common/quad.wgsl`,
-/// `pixel.wgsl`).
+/// What an invocation works on (`shaders/common/quad.wgsl`, `pixel.wgsl`). Pass `attribute` has both forms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::backend) enum Lanes {
     /// Four pixels of a row, and lists by itself. Software devices are fast with it.

@@ -89,6 +89,18 @@ pub(in crate::backend) struct View {
     pub unused: u32,
 }
 
+/// Numbers of entries, and of workgroups for them. Programs of pass `bin` write it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::backend) struct Totals {
+    pub groups: [u32; 3],
+    pub entries: u32,
+    pub wide: u32,
+    pub columns: u32,
+    pub rows: u32,
+    pub layers: u32,
+}
+
 /// Bits of [`View::flags`]. Thresholds hold opaque surfels.
 pub(in crate::backend) const OPAQUE_SURFELS: u32 = 1;
 /// There are layers of see-through surfels.

@@ -37,6 +37,7 @@ pub(in crate::backend) enum Program {
     Resolve,
     Sweep,
     SweptVisibility,
+    SweptEntries,
     SweptAttribute,
     SweptResolve,
     Pool,
@@ -66,7 +67,7 @@ pub(in crate::backend) enum Per {
     All,
     /// Some entries of lists; the device knows how many.
     Entries,
-    /// One invocation for each of them.
+    /// Entries of lists, an invocation for each; the device knows how many.
     Entry,
     /// A digit of a sort.
     Digit,
@@ -149,7 +150,7 @@ use Slot::{
 };
 
 /// All passes, in the order of [`Program`].
-pub(in crate::backend) static TABLE: [Row; 34] = [
+pub(in crate::backend) static TABLE: [Row; 35] = [
     Row {
         kernels: KERNELS,
         ..row(
@@ -265,6 +266,13 @@ pub(in crate::backend) static TABLE: [Row; 34] = [
         &["swept/visibility.wgsl"],
         Per::Stretch,
         &[Segments, Splats, List, Wide, Starts],
+        &[Map],
+    ),
+    row(
+        (Program::SweptEntries, "swept_entries"),
+        &["swept/visibility_entries.wgsl"],
+        Per::Entry,
+        &[Segments, Splats, List, SortedKeys, Starts],
         &[Map],
     ),
     row(

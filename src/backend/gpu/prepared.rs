@@ -28,6 +28,8 @@ const GAP: u64 = 1 << 15;
 
 /// Most stretches of the lists of a batch of kernels in motion. Most lists are much shorter than the batch.
 const MOST_STRETCHES: u64 = 32;
+/// Turns of a loop that an entry at rest takes at most in each group that shares it: two for each pixel of a tile.
+const TURNS_AT_REST: u64 = 600;
 
 /// What stays the same while a frame is rendered.
 pub(in crate::backend) struct Prepared<'a> {
@@ -66,13 +68,16 @@ impl Gpu {
         let before = if see_through.is_some() { 2 } else { 0 };
         let stretch = (self.most_turns / (3 + before + u64::from(frame.slices()).max(samples_of_source))).max(1);
         let instants = frame.swept.is_none_or(SweptKernel::is_published);
-        let most_list = if instants { self.most_turns / if layers > 1 { 4 } else { 2 } } else { u64::MAX };
+        let filtered = layers > 1 || frame.has_filtered_kernels();
+        let most_list = if instants { self.most_turns / if filtered { 4 } else { 2 } } else { u64::MAX };
+        // An entry at rest has two turns for each pixel of a tile, in each group that shares it.
+        let sharing = if filtered && frame.shares_rest() { self.most_turns / TURNS_AT_REST } else { u64::MAX };
         let most_slots = if frame.swept.is_some() { stretch.saturating_mul(MOST_STRETCHES) } else { u64::MAX };
         let limits = Limits {
             bytes: self.most_bytes,
             slots: self.most_slots.min(most_slots),
             surfel_slots: if instants { self.most_surfel_slots } else { u64::MAX },
-            groups: self.most_groups,
+            groups: self.most_groups.min(sharing.max(1)),
         };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);

@@ -1,11 +1,13 @@
 //! Records the passes of a step, batch by batch.
 
+use std::mem::offset_of;
+
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::DeviceState;
 use super::bind::{Binder, BoundProgram, BoundPrograms, Own, Use, rounds_of_tiles};
 use super::constants::Digit;
-use super::layout::{DIGIT_BITS, WORKGROUP_ITEMS};
+use super::layout::{DIGIT_BITS, Totals, WORKGROUP_ITEMS};
 use super::memory::LONG;
 use super::passes::{Per, Program};
 use super::prepared::Prepared;
@@ -45,7 +47,7 @@ enum Workgroups {
 }
 
 /// Bytes of the totals before the workgroups of programs with one invocation for each entry.
-const PIECES_AT: u64 = 20;
+const PIECES_AT: u64 = offset_of!(Totals, columns) as u64;
 
 impl<'a> Recorder<'a> {
     pub(in crate::backend) fn new(

@@ -2,7 +2,9 @@
 
 use wgpu::BufferUsages;
 
-use super::layout::{CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, VIEW_BYTES, WORKGROUPS};
+use super::layout::{
+    CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, Totals, VIEW_BYTES, WORKGROUPS,
+};
 use crate::layout::FilteredSplat;
 
 /// A buffer. The number is its binding in group 1.
@@ -78,7 +80,7 @@ pub(in crate::backend) const SLOTS: [(Slot, &str, u64); 32] = [
     (Slot::Splats, "splats", size_of::<FilteredSplat>() as u64),
     (Slot::Touched, "tile counts", 0),
     (Slot::Partials, "tile counts", 0),
-    (Slot::Totals, "totals", 32),
+    (Slot::Totals, "totals", size_of::<Totals>() as u64),
     (Slot::Status, "status", size_of::<Status>() as u64),
     (Slot::Wide, "lists", 0),
     (Slot::Values, "attributes", 0),

@@ -141,7 +141,7 @@ impl DevicePass for SweepPass {
 
     fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
-            Self::Visibility => vec![Program::SweptVisibility],
+            Self::Visibility => vec![Program::SweptVisibility, Program::SweptEntries],
             Self::Attribute => vec![Program::SplatValues, Program::SweptAttribute],
             Self::Resolve if pools(frame) => vec![Program::Pool],
             Self::Resolve => vec![Program::SweptResolve],

@@ -190,7 +190,7 @@ impl Upload {
                 first_slot: placed.slots,
                 first_segment: of_group.segment,
                 first_moment: of_group.moment,
-                // Lists of several batches are made again for each pass that reads them.
+                // Lists of several batches are made again for each pass, so one or two walks of them count as one.
                 walks: if is_whole { own.walks } else { 1 },
                 ..own
             });

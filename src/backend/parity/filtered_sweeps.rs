@@ -102,7 +102,7 @@ fn filtered_sweeps_agree() {
     }
 }
 
-static MUTANTS: [Mutant; 33] = [
+static MUTANTS: [Mutant; 34] = [
     ([("let area = 0.25 * (jux * jvy - juy * jvx)", "let area = 0.25 * (jux * jvy + juy * jvx)")], "tube"),
     ([("let l1 = 4.0 * xy * over0", "let l1 = 0.0")], "tube"),
     ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
@@ -130,10 +130,11 @@ static MUTANTS: [Mutant; 33] = [
     ([("return max(epsilon, LEAST_EPSILON * depth)", "return LEAST_EPSILON * depth")], "tube"),
     ([("values[slot * VALUES + TOLERANCE])", "0.0)")], "tolerances"),
     ([("min(limit, map[slices.nearest", "max(limit, map[slices.nearest")], "tolerances"),
-    ([("min(map[nearest_at], depth)", "depth")], "tolerances"),
-    ([("span.x < middle && middle < span.y", "span.x < middle")], "fast"),
+    ([("in_tile) + slice * TILE_PIXELS, depth);", "in_tile) + slice * TILE_PIXELS, 2.0 * depth);")], "tolerances"),
+    ([("covered_at(next_slot(&walk), pixel)", "covered_at(next_slot(&walk), pixel + 1u)")], "hard"),
+    ([("kernel.span.x < middle && middle < kernel.span.y", "kernel.span.x < middle")], "fast"),
     ([("begin + 0.5 * step", "begin")], "fast"),
-    ([("plane.x + middle * plane.y", "plane.x")], "fast"),
+    ([("kernel.plane.x + middle * kernel.plane.y", "kernel.plane.x")], "fast"),
     ([("map[slices.thresholds + slice * TILE_PIXELS]", "map[slices.thresholds]")], "fast"),
     ([("1.0 - (1.0 - large) * (1.0 - large)", "large")], "fast"),
 ];

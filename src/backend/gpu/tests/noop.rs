@@ -79,7 +79,7 @@ fn captures_are_one_submission_of_few_dispatches() {
     assert_eq!((calls.submissions, calls.waits, calls.bind_groups), (1, 1, 0), "{calls:?}");
     assert!(calls.dispatches <= 320 && calls.writes <= 8 && calls.maps <= 2, "{calls:?}");
 
-    // Each layer takes six dispatches more.
+    // Each layer takes five dispatches more.
     let mut glass = object(ball(5_000, 3, false), DVec3::ZERO);
     glass.opacity = 0.5;
     let both = scene(vec![cloud(2), glass], [480, 270]);

@@ -126,12 +126,13 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 16] = [
+const OF_DEVICE: [(&str, &str); 17] = [
     ("LANES", "invocations of a workgroup by pixels"),
     ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
     ("PANEL_COLUMNS", "how a workgroup by pixels parts its tile"),
     ("PANEL_ROWS", "how a workgroup by pixels parts its tile"),
     ("PANELS", "how a workgroup by pixels parts its tile"),
+    ("PANELS_OF_ROW", "how a workgroup by pixels parts its tile"),
     ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
     ("MOST_LAYER", "the last float that a cast holds; casts saturate on the CPU"),
     ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),

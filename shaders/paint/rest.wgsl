@@ -1,5 +1,5 @@
-// The splats of a tile of the view: first those of the view at rest that it shares with other groups of the sample
-// position, then its own. Twin: what `made` keeps in src/backend/cpu/tile_runner.rs.
+// What a view shares with other groups of the sample position: the tiles of the view at rest.
+// Twin: what `made` keeps in src/backend/cpu/tile_runner.rs.
 // A program that uses this file declares `starts`.
 
 // The number of a tile of the view at rest.
