@@ -10,8 +10,8 @@ override NEAREST: bool = false;
 override PEEL: bool = false;
 
 // The depths of a tile are quads: T of the tile and its apron, row by row. With a filter there follow, for the tile
-// alone, the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel within the apron
-// that no disc covers, else 0.
+// alone, the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel within the
+// apron that no disc covers, else 0.
 // Where layers are peeled off, there follow the floor, up to which all was peeled off, of the tile and its apron; for
 // the tile alone the ceiling, T of opaque surfels, and the three planes of its cover; and the state: 1 while there is
 // more to peel off, else 0; and the number of the layer.

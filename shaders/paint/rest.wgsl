@@ -7,8 +7,8 @@ fn rest_tile_of(tile: vec2<u32>) -> u32 {
     return views[view.rest].first_tile + tile.y * view.tiles.x + tile.x;
 }
 
-// Is there nothing to be found out of the tile: all is known of the tile at rest, or nobody asks for more of it than its
-// lists and depths?
+// Is there nothing to be found out of the tile: all is known of the tile at rest, or nobody asks for more of it than
+// its lists and depths?
 fn rests(tile: vec2<u32>) -> bool {
     return (view.flags & LISTS_ALONE) != 0u || shares(tile);
 }

@@ -11,7 +11,7 @@ fn second_entries(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let own = view.number;
     lower_behind(tile, disc);
     if (view.flags & IS_REST) == 0u { return; }
-    // What is at rest is in the tiles of all views that share it, which have limits of their own.
+    // Splats at rest are in the tiles of all views that share them, which have limits of their own.
     for (var other = own + 1u; other < views[0].views; other += 1u) {
         if views[other].rest != own { continue; }
         view = views[other];

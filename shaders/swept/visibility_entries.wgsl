@@ -1,6 +1,6 @@
 // Includes: swept/slices common/entries
-// The part of pass `visibility` for kernels in motion that takes the entries of lists, after swept/visibility.wgsl: each
-// lowers the slices of its tile. The map is in and out.
+// The part of pass `visibility` for kernels in motion that takes the entries of lists, after swept/visibility.wgsl:
+// each lowers the slices of its tile. The map is in and out.
 
 @group(1) @binding(24) var<storage, read_write> map: array<atomic<u32>>;
 

@@ -3,6 +3,7 @@
 use super::lanes::Lanes;
 use super::slots::Slot;
 use super::texts::texts;
+use super::timestamps::Stage;
 use crate::options::Prefilter;
 
 /// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
@@ -85,6 +86,8 @@ pub(in crate::backend) enum Per {
 pub(in crate::backend) struct Row {
     pub program: Program,
     pub entry: &'static str,
+    /// What its time counts for.
+    pub stage: Stage,
     /// Files of WGSL beside those that they include.
     files: &'static [&'static str],
     /// Kernels that it is compiled for; empty where it is the same for all.
@@ -112,7 +115,7 @@ const KERNELS: &[KernelKind] = &[KernelKind::Disc, KernelKind::LowPass, KernelKi
 
 /// A row of a program that is the same for all kernels.
 const fn row(
-    (program, entry): (Program, &'static str),
+    (program, entry, stage): (Program, &'static str, Stage),
     files: &'static [&'static str],
     per: Per,
     reads: &'static [Slot],
@@ -121,6 +124,7 @@ const fn row(
     Row {
         program,
         entry,
+        stage,
         files,
         kernels: &[],
         lanes: Lanes::Quads,
@@ -134,13 +138,13 @@ const fn row(
 
 /// A row of a program of pass `bin`, whose file holds several, which take other constants.
 const fn bin(
-    named: (Program, &'static str),
+    (program, entry): (Program, &'static str),
     per: Per,
     reads: &'static [Slot],
     writes: &'static [Slot],
     constants: &'static [&'static str],
 ) -> Row {
-    Row { constants: Some(constants), ..row(named, &["bin.wgsl"], per, reads, writes) }
+    Row { constants: Some(constants), ..row((program, entry, Stage::Bin), &["bin.wgsl"], per, reads, writes) }
 }
 
 use Slot::{
@@ -154,7 +158,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     Row {
         kernels: KERNELS,
         ..row(
-            (Program::Project, "project"),
+            (Program::Project, "project", Stage::Project),
             &["paint/project.wgsl"],
             Per::Surfels,
             &[Geometry, Segments, Wanted],
@@ -189,7 +193,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     Row {
         kernels: KERNELS,
         ..row(
-            (Program::Visibility, "visibility"),
+            (Program::Visibility, "visibility", Stage::Visibility),
             &["paint/visibility.wgsl"],
             Per::Tile,
             &[Segments, Splats, Wide, Starts, Wanted],
@@ -200,18 +204,24 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: KERNELS,
         lanes: Lanes::Pixels,
         ..row(
-            (Program::VisibilityEntries, "visibility_entries"),
+            (Program::VisibilityEntries, "visibility_entries", Stage::Visibility),
             &["paint/visibility_entries.wgsl"],
             Per::Entry,
             &[Segments, Splats, List, SortedKeys, Starts],
             &[Thresholds],
         )
     },
-    row((Program::JoinRest, "join_rest"), &["paint/join_rest.wgsl"], Per::Tile, &[Starts], &[Thresholds]),
+    row(
+        (Program::JoinRest, "join_rest", Stage::Visibility),
+        &["paint/join_rest.wgsl"],
+        Per::Tile,
+        &[Starts],
+        &[Thresholds],
+    ),
     Row {
         kernels: &[KernelKind::Filtered],
         ..row(
-            (Program::Second, "second"),
+            (Program::Second, "second", Stage::Visibility),
             &["paint/second.wgsl"],
             Per::Tile,
             &[Segments, Splats, Wide, Starts, Wanted],
@@ -222,7 +232,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: &[KernelKind::Filtered],
         lanes: Lanes::Pixels,
         ..row(
-            (Program::SecondEntries, "second_entries"),
+            (Program::SecondEntries, "second_entries", Stage::Visibility),
             &["paint/second_entries.wgsl"],
             Per::Entry,
             &[Segments, Splats, List, SortedKeys, Starts],
@@ -230,7 +240,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         )
     },
     row(
-        (Program::SplatValues, "splat_values"),
+        (Program::SplatValues, "splat_values", Stage::Attribute),
         &["values.wgsl"],
         Per::Surfels,
         &[Geometry, Looks, Segments, Lights, Splats, Touched, Environment],
@@ -240,7 +250,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: KERNELS,
         by_lanes: Some(["paint/attribute_quads.wgsl", "paint/attribute_pixels.wgsl"]),
         ..row(
-            (Program::Attribute, "sum_attributes"),
+            (Program::Attribute, "sum_attributes", Stage::Attribute),
             &["paint/attribute.wgsl"],
             Per::Tile,
             &[Segments, Splats, List, Wide, Starts, Thresholds, Values],
@@ -248,127 +258,139 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         )
     },
     row(
-        (Program::Resolve, "resolve"),
+        (Program::Resolve, "resolve", Stage::Resolve),
         &["paint/resolve.wgsl"],
         Per::Tile,
         &[Lights, Thresholds, Sums, Environment, Starts],
         &[Film],
     ),
     row(
-        (Program::Sweep, "sweep"),
+        (Program::Sweep, "sweep", Stage::Project),
         &["swept/project.wgsl"],
         Per::Surfels,
         &[Geometry, Segments, Wanted],
         &[Splats, Touched],
     ),
     row(
-        (Program::SweptVisibility, "swept_visibility"),
+        (Program::SweptVisibility, "swept_visibility", Stage::Visibility),
         &["swept/visibility.wgsl"],
         Per::Stretch,
         &[Segments, Splats, List, Wide, Starts],
         &[Map],
     ),
     row(
-        (Program::SweptEntries, "swept_entries"),
+        (Program::SweptEntries, "swept_entries", Stage::Visibility),
         &["swept/visibility_entries.wgsl"],
         Per::Entry,
         &[Segments, Splats, List, SortedKeys, Starts],
         &[Map],
     ),
     row(
-        (Program::SweptAttribute, "swept_attribute"),
+        (Program::SweptAttribute, "swept_attribute", Stage::Attribute),
         &["swept/attribute.wgsl"],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Values, Map],
         &[Sums, CoverageMask],
     ),
     row(
-        (Program::SweptResolve, "swept_resolve"),
+        (Program::SweptResolve, "swept_resolve", Stage::Resolve),
         &["swept/coverage.wgsl", "swept/resolve.wgsl"],
         Per::Tile,
         &[Lights, Sums, CoverageMask, Moments, Environment],
         &[Film],
     ),
     row(
-        (Program::Pool, "pool"),
+        (Program::Pool, "pool", Stage::Resolve),
         &["swept/coverage.wgsl", "swept/resolve.wgsl"],
         Per::Tile,
         &[Sums, CoverageMask, Moments],
         &[Film],
     ),
-    row((Program::Finish, "finish"), &["swept/coverage.wgsl", "swept/resolve.wgsl"], Per::Tile, &[], &[Film]),
-    row((Program::StoreMap, "store_map"), &["published/map.wgsl"], Per::Tile, &[Thresholds], &[Map]),
     row(
-        (Program::PublishedSweep, "published_sweep"),
+        (Program::Finish, "finish", Stage::Resolve),
+        &["swept/coverage.wgsl", "swept/resolve.wgsl"],
+        Per::Tile,
+        &[],
+        &[Film],
+    ),
+    row((Program::StoreMap, "store_map", Stage::Visibility), &["published/map.wgsl"], Per::Tile, &[Thresholds], &[Map]),
+    row(
+        (Program::PublishedSweep, "published_sweep", Stage::Project),
         &["published/project.wgsl"],
         Per::Surfels,
         &[Geometry, Segments, Wanted],
         &[Splats, Touched],
     ),
     row(
-        (Program::PublishedAttribute, "published_attribute"),
+        (Program::PublishedAttribute, "published_attribute", Stage::Attribute),
         &["published/attribute.wgsl"],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Values, Map],
         &[Sums, CoverageMask],
     ),
     row(
-        (Program::PublishedResolve, "swept_resolve"),
+        (Program::PublishedResolve, "swept_resolve", Stage::Resolve),
         &["published/coverage.wgsl", "swept/resolve.wgsl"],
         Per::Tile,
         &[Lights, Sums, CoverageMask, Moments, Environment],
         &[Film],
     ),
     row(
-        (Program::PublishedPool, "pool"),
+        (Program::PublishedPool, "pool", Stage::Resolve),
         &["published/coverage.wgsl", "swept/resolve.wgsl"],
         Per::Tile,
         &[Sums, CoverageMask, Moments],
         &[Film],
     ),
     row(
-        (Program::GaussianProject, "gaussian_project"),
+        (Program::GaussianProject, "gaussian_project", Stage::Project),
         &["transparent/project.wgsl"],
         Per::Surfels,
         &[Geometry, Looks, Lights, CaptureSegments],
         &[Keys, List, Gaussians],
     ),
     row(
-        (Program::Gather, "gather"),
+        (Program::Gather, "gather", Stage::Bin),
         &["transparent/gather.wgsl"],
         Per::Slots,
         &[Gaussians, Order, Wanted],
         &[Splats, Touched],
     ),
     row(
-        (Program::Composite, "composite"),
+        (Program::Composite, "composite", Stage::Composite),
         &["transparent/composite.wgsl"],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Thresholds, Wanted, Layers],
         &[Sums],
     ),
     row(
-        (Program::TransparentResolve, "transparent_resolve"),
+        (Program::TransparentResolve, "transparent_resolve", Stage::Resolve),
         &["transparent/resolve.wgsl"],
         Per::TileAndBackground,
         &[Sums, Opaque, Wanted],
         &[Film],
     ),
     row(
-        (Program::PeelStart, "peel_start"),
+        (Program::PeelStart, "peel_start", Stage::Visibility),
         &["transparent/peel.wgsl"],
         Per::Tile,
         &[Thresholds, Wanted],
         &[Film, Peeled],
     ),
     row(
-        (Program::PeelResolve, "peel_resolve"),
+        (Program::PeelResolve, "peel_resolve", Stage::Resolve),
         &["transparent/peel.wgsl"],
         Per::Tile,
         &[Lights, Sums, Environment],
         &[Film, Peeled],
     ),
-    row((Program::PeelLeftOut, "peel_left_out"), &["transparent/peel.wgsl"], Per::Tile, &[], &[Status, Peeled]),
+    row(
+        (Program::PeelLeftOut, "peel_left_out", Stage::Visibility),
+        &["transparent/peel.wgsl"],
+        Per::Tile,
+        &[],
+        &[Status, Peeled],
+    ),
 ];
 
 const _: () = {

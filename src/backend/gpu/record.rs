@@ -10,7 +10,7 @@ use super::recorder::Recorder;
 use super::rounds::{Chunk, Task, walk};
 use super::slots::Slot;
 use super::steps::Kind;
-use super::timestamps::{Marks, Stage};
+use super::timestamps::Marks;
 use crate::backend::BackendError;
 use crate::plan::{LayerPass, MapPass, PaintPass, PublishedSweepPass, SweepPass};
 
@@ -69,7 +69,7 @@ impl Recorder<'_> {
                 self.run((Kind::Published, *film), placed, &PublishedSweepPass::ORDER)?;
             }
             Task::Finish { film, placed } => {
-                self.programs(Stage::Resolve, (Kind::Sweep, *film), &[Program::Finish], placed)?;
+                self.programs((Kind::Sweep, *film), &[Program::Finish], placed)?;
             }
         }
         self.flush_if_long();

@@ -131,7 +131,7 @@ impl<'a> Recorder<'a> {
         batches: usize,
     ) -> Result<(), BackendError> {
         let programs = pass.programs(self.binder.prepared.frame, batch, batches);
-        self.programs(pass.stage(), (kind, film), &programs, batch)
+        self.programs((kind, film), &programs, batch)
     }
 
     /// Records a pass that makes the splats of a batch, or their lists.
@@ -142,7 +142,7 @@ impl<'a> Recorder<'a> {
         batch: &Placed,
     ) -> Result<(), BackendError> {
         match pass {
-            BatchPass::Project => self.programs(Stage::Project, (kind, 0), &[kind.project()], batch),
+            BatchPass::Project => self.programs((kind, 0), &[kind.project()], batch),
             BatchPass::Bin => self.bin(kind, batch),
         }
     }
@@ -176,7 +176,6 @@ impl<'a> Recorder<'a> {
     /// Records programs of a pass, one after the other.
     pub(in crate::backend) fn programs(
         &mut self,
-        stage: Stage,
         (kind, film): (Kind, usize),
         programs: &[Program],
         batch: &Placed,
@@ -185,7 +184,9 @@ impl<'a> Recorder<'a> {
         for &program in programs {
             self.add((kind, film, Own::Nothing), program, batch, &mut calls)?;
         }
-        self.calls(stage, &calls);
+        if let Some(program) = programs.first() {
+            self.calls(program.row().stage, &calls);
+        }
         Ok(())
     }
 

@@ -6,7 +6,6 @@ use super::memory::DeviceChannels;
 use super::passes::{KernelKind, Program};
 use super::prepared::Prepared;
 use super::slots::Slot;
-use super::timestamps::Stage;
 use super::upload::Placed;
 use crate::frame::Frame;
 use crate::options::Normalise;
@@ -78,22 +77,11 @@ impl Kind {
 
 /// A pass of a step that works on batches of surfels.
 pub(in crate::backend) trait DevicePass: TilePass {
-    /// The entry that its time counts for.
-    fn stage(self) -> Stage;
-
     /// Its programs for a batch of several, in order.
     fn programs(self, frame: &Frame, batch: &Placed, batches: usize) -> Vec<Program>;
 }
 
 impl DevicePass for PaintPass {
-    fn stage(self) -> Stage {
-        match self {
-            Self::Visibility | Self::Second => Stage::Visibility,
-            Self::Attribute => Stage::Attribute,
-            Self::Resolve => Stage::Resolve,
-        }
-    }
-
     fn programs(self, _frame: &Frame, batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Visibility if batch.shares_rest => {
@@ -108,14 +96,6 @@ impl DevicePass for PaintPass {
 }
 
 impl DevicePass for LayerPass {
-    fn stage(self) -> Stage {
-        match self {
-            Self::Start | Self::Visibility(_) | Self::Second(_) | Self::LeftOut => Stage::Visibility,
-            Self::Attribute(_) => Stage::Attribute,
-            Self::Resolve(_) => Stage::Resolve,
-        }
-    }
-
     fn programs(self, _frame: &Frame, _batch: &Placed, batches: usize) -> Vec<Program> {
         match self {
             Self::Start => vec![Program::PeelStart],
@@ -131,14 +111,6 @@ impl DevicePass for LayerPass {
 }
 
 impl DevicePass for SweepPass {
-    fn stage(self) -> Stage {
-        match self {
-            Self::Visibility => Stage::Visibility,
-            Self::Attribute => Stage::Attribute,
-            Self::Resolve => Stage::Resolve,
-        }
-    }
-
     fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Visibility => vec![Program::SweptVisibility, Program::SweptEntries],
@@ -150,10 +122,6 @@ impl DevicePass for SweepPass {
 }
 
 impl DevicePass for MapPass {
-    fn stage(self) -> Stage {
-        Stage::Visibility
-    }
-
     fn programs(self, _frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Visibility => vec![Program::Visibility, Program::VisibilityEntries],
@@ -163,13 +131,6 @@ impl DevicePass for MapPass {
 }
 
 impl DevicePass for PublishedSweepPass {
-    fn stage(self) -> Stage {
-        match self {
-            Self::Attribute => Stage::Attribute,
-            Self::Resolve => Stage::Resolve,
-        }
-    }
-
     fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Attribute => vec![Program::SplatValues, Program::PublishedAttribute],

@@ -26,7 +26,6 @@ use super::slots::Slot;
 use super::steps::Kind;
 #[cfg(test)]
 use super::timestamps::Marks;
-use super::timestamps::Stage;
 use super::upload::{Placed, Tables, Upload, join_films};
 use crate::backend::BackendError;
 use crate::film::Blending;
@@ -192,14 +191,14 @@ impl TransparentStep {
                     CompositePass::Composite => {
                         // Lists of a slab are composited before those of the next are made.
                         for (number, slab) in (1..).zip(&sample.slabs) {
-                            recorder.programs(Stage::Bin, (Kind::Sorted, 0), &[Program::Gather], slab)?;
+                            recorder.programs((Kind::Sorted, 0), &[Program::Gather], slab)?;
                             recorder.bin(Kind::Sorted, slab)?;
                             for pass in SlabPass::order(number == sample.slabs.len()) {
-                                let (stage, program) = match pass {
-                                    SlabPass::Composite => (Stage::Composite, Program::Composite),
-                                    SlabPass::Resolve => (Stage::Resolve, Program::TransparentResolve),
+                                let program = match pass {
+                                    SlabPass::Composite => Program::Composite,
+                                    SlabPass::Resolve => Program::TransparentResolve,
                                 };
-                                recorder.programs(stage, (Kind::Sorted, film), &[program], slab)?;
+                                recorder.programs((Kind::Sorted, film), &[program], slab)?;
                             }
                         }
                     }

@@ -20,7 +20,7 @@ use crate::plan::{BatchPass, MapPass, PaintPass, PosedInterval, Published, Publi
 /// A pass of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// Those of splats; of published kernels, those on their map.
+    /// Splats; those of published kernels, on their map.
     Project,
     Bin,
     Paint(PaintPass),

@@ -220,7 +220,8 @@ impl<K: Kernel> Both<'_, K> {
 }
 
 /// What there is to compare: pixels that are open, that are solid, with each layer, that are open and not near a rim;
-/// splats, and wide ones; pixels that no disc covers, those of them with weight, and those of tiles that are not wanted.
+/// splats, and wide ones; pixels that no disc covers, those of them with weight, and those of tiles that are not
+/// wanted.
 #[derive(Debug, Default)]
 struct Counts {
     open: usize,

@@ -73,11 +73,13 @@ fn lower<const W: usize, const NEAREST: bool, const BEHIND: bool>(
                 let depth = 1.0 / hit.inverse_depth;
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                 let covers = covers & (!BEHIND | (depth > floor[l]));
-                let candidate = if covers { depth + depths.tolerance(depth) } else { f32::INFINITY };
+                // Not a number where nothing covers. Of two choices by `covers` the compiler made a branch, and went
+                // through the lanes one by one.
+                let depth = f32::from_bits(depth.to_bits() | u32::from(covers).wrapping_sub(1));
+                let candidate = depth + depths.tolerance(depth);
                 threshold[l] = if candidate < threshold[l] { candidate } else { threshold[l] };
                 if NEAREST {
-                    let candidate = if covers { depth } else { f32::INFINITY };
-                    nearest[l] = if candidate < nearest[l] { candidate } else { nearest[l] };
+                    nearest[l] = if depth < nearest[l] { depth } else { nearest[l] };
                 }
             }
             patch::store::<W>(&mut buffers.threshold[at..], APRON_STRIDE, &threshold);
