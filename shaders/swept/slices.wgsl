@@ -44,9 +44,9 @@ fn covered_at(slot: u32, pixel: vec2<u32>) -> Covered {
     );
 }
 
-// Its depth in the middle of a slice; 0 where it does not cover that.
+// Its depth in the middle of a slice; NONE where it does not cover that.
 fn depth_in(kernel: Covered, slice: u32) -> f32 {
     let middle = slice_times(slice).y;
-    if !(kernel.span.x < middle && middle < kernel.span.y) { return 0.0; }
+    if !(kernel.span.x < middle && middle < kernel.span.y) { return NONE; }
     return kernel.plane.x + middle * kernel.plane.y;
 }

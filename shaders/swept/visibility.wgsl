@@ -2,7 +2,7 @@
 // Pass `visibility` for kernels in motion: the depth threshold of each slice of the interval, and its least depth where
 // objects have several tolerances. This program begins them, and takes the wide kernels. Then visibility_entries.wgsl
 // takes all others.
-//   in   splats, list, starts, wide   output of `sweep` and `bin`
+//   in   splats, starts, wide   output of `sweep` and `bin`; no entry of `list`
 //        segments  epsilon of a kernel's object
 //   in and out  map   for each tile, for each slice, its pixels: thresholds, NONE where nothing covers the middle of
 //                  the slice; behind those of all tiles the least depths, likewise
@@ -35,7 +35,7 @@ fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoc
         let kernel = covered_at(next_slot(&walk), pixel);
         for (var slice = kernel.first; slice <= kernel.last; slice += 1u) {
             let depth = depth_in(kernel, slice);
-            if depth == 0.0 { continue; }
+            if depth == NONE { continue; }
             let place = slices + slice * TILE_PIXELS;
             map[place] = min(map[place], depth + tolerance_at(depth, kernel.epsilon));
             if NEAREST {

@@ -19,7 +19,7 @@ fn swept_entries(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
             let kernel = covered_at(slot, first + vec2<u32>(u32(x), u32(y)));
             for (var slice = kernel.first; slice <= kernel.last; slice += 1u) {
                 let depth = depth_in(kernel, slice);
-                if depth == 0.0 { continue; }
+                if depth == NONE { continue; }
                 lower(slices_of(index, in_tile) + slice * TILE_PIXELS, depth + tolerance_at(depth, kernel.epsilon));
                 if NEAREST { lower(nearest_of(index, in_tile) + slice * TILE_PIXELS, depth); }
             }

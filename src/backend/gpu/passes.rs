@@ -2,7 +2,7 @@
 
 use super::lanes::Lanes;
 use super::slots::Slot;
-use super::texts::texts;
+use super::texts::{File, file, texts};
 use super::timestamps::Stage;
 use crate::options::Prefilter;
 
@@ -86,16 +86,16 @@ pub(in crate::backend) enum Per {
 pub(in crate::backend) struct Row {
     pub program: Program,
     pub entry: &'static str,
-    /// What its time counts for.
+    /// What the time of a pass counts for that has it. Sorts by depth count for `Sort`.
     pub stage: Stage,
     /// Files of WGSL beside those that they include.
-    files: &'static [&'static str],
+    files: &'static [File],
     /// Kernels that it is compiled for; empty where it is the same for all.
     kernels: &'static [KernelKind],
     /// What its invocations work on, unless the last file differs by that.
     lanes: Lanes,
     /// The last file, by lanes, where it differs.
-    by_lanes: Option<[&'static str; 2]>,
+    by_lanes: Option<[File; 2]>,
     pub reads: &'static [Slot],
     pub writes: &'static [Slot],
     pub per: Per,
@@ -116,7 +116,7 @@ const KERNELS: &[KernelKind] = &[KernelKind::Disc, KernelKind::LowPass, KernelKi
 /// A row of a program that is the same for all kernels.
 const fn row(
     (program, entry, stage): (Program, &'static str, Stage),
-    files: &'static [&'static str],
+    files: &'static [File],
     per: Per,
     reads: &'static [Slot],
     writes: &'static [Slot],
@@ -144,7 +144,7 @@ const fn bin(
     writes: &'static [Slot],
     constants: &'static [&'static str],
 ) -> Row {
-    Row { constants: Some(constants), ..row((program, entry, Stage::Bin), &["bin.wgsl"], per, reads, writes) }
+    Row { constants: Some(constants), ..row((program, entry, Stage::Bin), &[file!("bin.wgsl")], per, reads, writes) }
 }
 
 use Slot::{
@@ -159,7 +159,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: KERNELS,
         ..row(
             (Program::Project, "project", Stage::Project),
-            &["paint/project.wgsl"],
+            &[file!("paint/project.wgsl")],
             Per::Surfels,
             &[Geometry, Segments, Wanted],
             &[Splats, Touched],
@@ -194,7 +194,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: KERNELS,
         ..row(
             (Program::Visibility, "visibility", Stage::Visibility),
-            &["paint/visibility.wgsl"],
+            &[file!("paint/visibility.wgsl")],
             Per::Tile,
             &[Segments, Splats, Wide, Starts, Wanted],
             &[Thresholds],
@@ -205,7 +205,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         lanes: Lanes::Pixels,
         ..row(
             (Program::VisibilityEntries, "visibility_entries", Stage::Visibility),
-            &["paint/visibility_entries.wgsl"],
+            &[file!("paint/visibility_entries.wgsl")],
             Per::Entry,
             &[Segments, Splats, List, SortedKeys, Starts],
             &[Thresholds],
@@ -213,7 +213,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     },
     row(
         (Program::JoinRest, "join_rest", Stage::Visibility),
-        &["paint/join_rest.wgsl"],
+        &[file!("paint/join_rest.wgsl")],
         Per::Tile,
         &[Starts],
         &[Thresholds],
@@ -222,7 +222,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: &[KernelKind::Filtered],
         ..row(
             (Program::Second, "second", Stage::Visibility),
-            &["paint/second.wgsl"],
+            &[file!("paint/second.wgsl")],
             Per::Tile,
             &[Segments, Splats, Wide, Starts, Wanted],
             &[Thresholds],
@@ -233,7 +233,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         lanes: Lanes::Pixels,
         ..row(
             (Program::SecondEntries, "second_entries", Stage::Visibility),
-            &["paint/second_entries.wgsl"],
+            &[file!("paint/second_entries.wgsl")],
             Per::Entry,
             &[Segments, Splats, List, SortedKeys, Starts],
             &[Thresholds],
@@ -241,17 +241,17 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     },
     row(
         (Program::SplatValues, "splat_values", Stage::Attribute),
-        &["values.wgsl"],
+        &[file!("values.wgsl")],
         Per::Surfels,
         &[Geometry, Looks, Segments, Lights, Splats, Touched, Environment],
         &[Values],
     ),
     Row {
         kernels: KERNELS,
-        by_lanes: Some(["paint/attribute_quads.wgsl", "paint/attribute_pixels.wgsl"]),
+        by_lanes: Some([file!("paint/attribute_quads.wgsl"), file!("paint/attribute_pixels.wgsl")]),
         ..row(
             (Program::Attribute, "sum_attributes", Stage::Attribute),
-            &["paint/attribute.wgsl"],
+            &[file!("paint/attribute.wgsl")],
             Per::Tile,
             &[Segments, Splats, List, Wide, Starts, Thresholds, Values],
             &[Sums],
@@ -259,134 +259,140 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     },
     row(
         (Program::Resolve, "resolve", Stage::Resolve),
-        &["paint/resolve.wgsl"],
+        &[file!("paint/resolve.wgsl")],
         Per::Tile,
         &[Lights, Thresholds, Sums, Environment, Starts],
         &[Film],
     ),
     row(
         (Program::Sweep, "sweep", Stage::Project),
-        &["swept/project.wgsl"],
+        &[file!("swept/project.wgsl")],
         Per::Surfels,
         &[Geometry, Segments, Wanted],
         &[Splats, Touched],
     ),
     row(
         (Program::SweptVisibility, "swept_visibility", Stage::Visibility),
-        &["swept/visibility.wgsl"],
+        &[file!("swept/visibility.wgsl")],
         Per::Stretch,
         &[Segments, Splats, List, Wide, Starts],
         &[Map],
     ),
     row(
         (Program::SweptEntries, "swept_entries", Stage::Visibility),
-        &["swept/visibility_entries.wgsl"],
+        &[file!("swept/visibility_entries.wgsl")],
         Per::Entry,
         &[Segments, Splats, List, SortedKeys, Starts],
         &[Map],
     ),
     row(
         (Program::SweptAttribute, "swept_attribute", Stage::Attribute),
-        &["swept/attribute.wgsl"],
+        &[file!("swept/attribute.wgsl")],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Values, Map],
         &[Sums, CoverageMask],
     ),
     row(
         (Program::SweptResolve, "swept_resolve", Stage::Resolve),
-        &["swept/coverage.wgsl", "swept/resolve.wgsl"],
+        &[file!("swept/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Lights, Sums, CoverageMask, Moments, Environment],
         &[Film],
     ),
     row(
         (Program::Pool, "pool", Stage::Resolve),
-        &["swept/coverage.wgsl", "swept/resolve.wgsl"],
+        &[file!("swept/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Sums, CoverageMask, Moments],
         &[Film],
     ),
     row(
         (Program::Finish, "finish", Stage::Resolve),
-        &["swept/coverage.wgsl", "swept/resolve.wgsl"],
+        &[file!("swept/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[],
         &[Film],
     ),
-    row((Program::StoreMap, "store_map", Stage::Visibility), &["published/map.wgsl"], Per::Tile, &[Thresholds], &[Map]),
+    row(
+        (Program::StoreMap, "store_map", Stage::Visibility),
+        &[file!("published/map.wgsl")],
+        Per::Tile,
+        &[Thresholds],
+        &[Map],
+    ),
     row(
         (Program::PublishedSweep, "published_sweep", Stage::Project),
-        &["published/project.wgsl"],
+        &[file!("published/project.wgsl")],
         Per::Surfels,
         &[Geometry, Segments, Wanted],
         &[Splats, Touched],
     ),
     row(
         (Program::PublishedAttribute, "published_attribute", Stage::Attribute),
-        &["published/attribute.wgsl"],
+        &[file!("published/attribute.wgsl")],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Values, Map],
         &[Sums, CoverageMask],
     ),
     row(
         (Program::PublishedResolve, "swept_resolve", Stage::Resolve),
-        &["published/coverage.wgsl", "swept/resolve.wgsl"],
+        &[file!("published/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Lights, Sums, CoverageMask, Moments, Environment],
         &[Film],
     ),
     row(
         (Program::PublishedPool, "pool", Stage::Resolve),
-        &["published/coverage.wgsl", "swept/resolve.wgsl"],
+        &[file!("published/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Sums, CoverageMask, Moments],
         &[Film],
     ),
     row(
         (Program::GaussianProject, "gaussian_project", Stage::Project),
-        &["transparent/project.wgsl"],
+        &[file!("transparent/project.wgsl")],
         Per::Surfels,
         &[Geometry, Looks, Lights, CaptureSegments],
         &[Keys, List, Gaussians],
     ),
     row(
         (Program::Gather, "gather", Stage::Bin),
-        &["transparent/gather.wgsl"],
+        &[file!("transparent/gather.wgsl")],
         Per::Slots,
         &[Gaussians, Order, Wanted],
         &[Splats, Touched],
     ),
     row(
         (Program::Composite, "composite", Stage::Composite),
-        &["transparent/composite.wgsl"],
+        &[file!("transparent/composite.wgsl")],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Thresholds, Wanted, Layers],
         &[Sums],
     ),
     row(
         (Program::TransparentResolve, "transparent_resolve", Stage::Resolve),
-        &["transparent/resolve.wgsl"],
+        &[file!("transparent/resolve.wgsl")],
         Per::TileAndBackground,
         &[Sums, Opaque, Wanted],
         &[Film],
     ),
     row(
         (Program::PeelStart, "peel_start", Stage::Visibility),
-        &["transparent/peel.wgsl"],
+        &[file!("transparent/peel.wgsl")],
         Per::Tile,
         &[Thresholds, Wanted],
         &[Film, Peeled],
     ),
     row(
         (Program::PeelResolve, "peel_resolve", Stage::Resolve),
-        &["transparent/peel.wgsl"],
+        &[file!("transparent/peel.wgsl")],
         Per::Tile,
         &[Lights, Sums, Environment],
         &[Film, Peeled],
     ),
     row(
         (Program::PeelLeftOut, "peel_left_out", Stage::Visibility),
-        &["transparent/peel.wgsl"],
+        &[file!("transparent/peel.wgsl")],
         Per::Tile,
         &[],
         &[Status, Peeled],
@@ -413,11 +419,11 @@ impl KernelKind {
     }
 
     /// The file of a stored kernel: its type, and functions of it.
-    const fn file(self) -> &'static str {
+    const fn file(self) -> File {
         match self {
-            Self::Disc => "paint/disc.wgsl",
-            Self::LowPass => "published/low_pass.wgsl",
-            Self::Filtered => "paint/filtered.wgsl",
+            Self::Disc => file!("paint/disc.wgsl"),
+            Self::LowPass => file!("published/low_pass.wgsl"),
+            Self::Filtered => file!("paint/filtered.wgsl"),
         }
     }
 }
@@ -480,8 +486,8 @@ impl Variant {
     pub(in crate::backend) fn texts(self) -> Vec<&'static str> {
         let row = self.program.row();
         let mut files = vec![match self.lanes {
-            Lanes::Quads => "common/quad.wgsl",
-            Lanes::Pixels => "common/pixel.wgsl",
+            Lanes::Quads => file!("common/quad.wgsl"),
+            Lanes::Pixels => file!("common/pixel.wgsl"),
         }];
         files.extend((!row.kernels.is_empty()).then(|| self.kernel.file()));
         files.extend(row.files);

@@ -185,7 +185,9 @@ impl<'a> Recorder<'a> {
             self.add((kind, film, Own::Nothing), program, batch, &mut calls)?;
         }
         if let Some(program) = programs.first() {
-            self.calls(program.row().stage, &calls);
+            let stage = program.row().stage;
+            debug_assert!(programs.iter().all(|other| other.row().stage == stage), "a pass has one stage");
+            self.calls(stage, &calls);
         }
         Ok(())
     }

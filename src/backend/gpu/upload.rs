@@ -190,8 +190,8 @@ impl Upload {
                 first_slot: placed.slots,
                 first_segment: of_group.segment,
                 first_moment: of_group.moment,
-                // Lists of several batches are made again for each pass, so one or two walks of them count as one.
-                walks: if is_whole { own.walks } else { 1 },
+                // Lists of several batches are made again for each pass, and count as one walk each time.
+                walks: if is_whole { own.walks } else { own.walks.min(1) },
                 ..own
             });
             for (segment, object, buffer) in &batch.segments {

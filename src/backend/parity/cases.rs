@@ -243,6 +243,7 @@ pub(super) fn all() -> Vec<Case> {
         in_part("rolling, in part", rolling("0.8,left"), point(BlurMode::supersample(2))),
         case("tolerances", nested([70, 45]), unfiltered(BlurMode::supersample(2))),
         case("tolerances, bucket", nested([70, 45]), unfiltered(bucket(Interleave::None))),
+        case("walls", walls(), unfiltered(BlurMode::supersample(2))),
         // Surfels are much smaller than pixels: all levels of their texture.
         case(
             "far",
@@ -250,6 +251,27 @@ pub(super) fn all() -> Vec<Case> {
             RenderOptions { prefilter: Prefilter::None, ..options(BlurMode::supersample(1)) },
         ),
     ]
+}
+
+/// Two objects of other tolerances, each of some discs behind each other that are larger than the image, and move.
+fn walls() -> Scene {
+    let wall = |first: f32, epsilon: f64| {
+        let mut surfels = Surfels::default();
+        for i in 0..8 {
+            let tilt = Vec3::new(0.0, 0.1 * i as f32 - 0.3, 1.0).normalize();
+            let u = 7.0 * Vec3::X;
+            surfels.position.push(Vec3::new(0.0, 0.0, first - 0.13 * i as f32));
+            surfels.axis_u.push(u);
+            surfels.axis_v.push(tilt.cross(u));
+            surfels.normal.push(tilt);
+            surfels.colour.push(Vec3::new(0.1 * i as f32, 0.5, 0.9 - 0.1 * i as f32));
+        }
+        let mut object = object(surfels, DVec3::ZERO);
+        object.motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.2, 0.1) }];
+        object.epsilon = Some(epsilon);
+        object
+    };
+    scene(vec![wall(-1.0, 0.3), wall(-1.07, 0.02)], [150, 140])
 }
 
 /// Few splats, each on dozens of tiles.
@@ -304,5 +326,6 @@ pub(super) fn swept() -> Vec<Case> {
         case("published", &fast, options(SweptKernel::PUBLISHED)),
         case("one pixel", &two_balls([1, 1]), options(tube)),
         case("tolerances", &nested([70, 45]), options(tube)),
+        case("walls", &walls(), options(tube)),
     ]
 }

@@ -1,23 +1,23 @@
 //! Both backends held against each other, pass by pass and picture by picture.
 //!
 //! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own
-//! (`paint`, `sweeps`, `filtered_sweeps`). The CPU's passes run through the constructors that rendering uses (`posed`,
+//! (`paint`, `sweeps`). The CPU's passes run through the constructors that rendering uses (`posed`,
 //! `paint_twins`, `sweep_twins`). Splats and lists are compared slot by slot (`slots`), floats with
 //! tolerances (`compare`). See-through surfels, captures and volumes are compared as whole frames, and Gaussians by the
 //! pass that projects them (`transparents`). What the groups of a position share is compared as whole frames, too
 //! (`shared_rest`). The comparison must reject broken programs (`mutants`). Buffers that are too small must not show
-//! (`small_buffers`).
+//! (`small_buffers`, `pictures`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 pub(super) mod captures;
 pub(super) mod cases;
 mod compare;
-mod filtered_sweeps;
 mod functions;
 mod harness;
 mod mutants;
 mod paint;
 mod paint_twins;
+mod pictures;
 mod posed;
 mod rounds;
 mod shared_rest;

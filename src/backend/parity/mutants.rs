@@ -43,7 +43,7 @@ pub(super) fn named<'a>(cases: &'a [Case], name: &str) -> &'a Case {
     cases.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case {name}"))
 }
 
-static MUTANTS: [Mutant; 54] = [
+static MUTANTS: [Mutant; 55] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
@@ -57,6 +57,7 @@ static MUTANTS: [Mutant; 54] = [
     ([("max(Floats(epsilon)", "min(Floats(epsilon)")], "supersample"),
     ([("PIECES_OF_ROW + group.x) * PIECE + lane", "PIECES_OF_ROW + group.x) * PIECE + 2u * lane")], "supersample"),
     ([("entry < starts[views[0].round_tiles]", "entry + 9u < starts[views[0].round_tiles]")], "supersample"),
+    ([("nearest = min(nearest, select(Floats(NONE), met.depth, counts));", "")], "walls"),
     ([("k = first_wide; k < end_wide", "k = first_wide + 1u; k < end_wide")], "hard"),
     ([("before = i / RUN * RUN", "before = i / RUN * RUN + 1u")], "supersample"),
     ([("place += entries", "place += 0u * entries")], "supersample"),

@@ -5,14 +5,13 @@ use glam::DVec3;
 use super::cases::{self, Case};
 use super::gpu_or_skip;
 use super::mutants::{Mutant, all_are_noticed, named};
+use super::pictures::{pixels_agree, render};
 use super::shared_rest;
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::Gpu;
 use crate::backend::{Backend, GpuCalls, Rendered};
 use crate::options::BlurMode;
-use crate::renderer::render_checked;
 use crate::scene::Motion;
-use crate::time::FrameNumber;
 
 /// Three instants of splats that touch most tiles, and of a ball before a ball at rest.
 fn cases() -> Vec<Case> {
@@ -26,18 +25,10 @@ fn cases() -> Vec<Case> {
     vec![wide, few]
 }
 
-fn frame(backend: &mut dyn Backend, case: &Case) -> Rendered {
-    render_checked(backend, &case.scene, FrameNumber::from(0), &case.options).unwrap_or_else(|e| panic!("{e}"))
-}
-
 /// Compares pictures with the CPU's.
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
-    let (want, got) = (frame(&mut Cpu::default(), case), frame(gpu, case));
-    let pairs = got.picture.rgba.iter().flatten().zip(want.picture.rgba.iter().flatten());
-    let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    let walks = got.stats.gpu.map(|calls| calls.walks);
-    eprintln!("{}: worst {worst:.1e}, {walks:?} walks", case.name);
-    if worst > 2e-5 { Err(format!("{}: pixels differ by {worst}", case.name)) } else { Ok(()) }
+    let (want, got) = (render(&mut Cpu::default(), case), render(gpu, case));
+    pixels_agree(case.name, &got.picture, &want.picture, 2e-5)
 }
 
 #[test]
@@ -45,11 +36,11 @@ fn groups_together_are_groups_one_by_one() {
     let Some(mut gpu) = gpu_or_skip("groups_together_are_groups_one_by_one") else { return };
     for case in cases() {
         check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
-        let together = frame(&mut gpu, &case);
+        let together = render(&mut gpu, &case);
         for (groups, rounds) in [(1, 3), (2, 2)] {
             let mut fewer = gpu.beside();
             fewer.most_groups = groups;
-            let got = frame(&mut fewer, &case);
+            let got = render(&mut fewer, &case);
             assert_eq!(got.picture, together.picture, "{}: {groups} at once", case.name);
             let walks = |rendered: &Rendered| rendered.stats.gpu.unwrap().walks;
             assert_eq!((walks(&together), walks(&got)), (1, rounds), "{}: {groups} at once", case.name);
@@ -92,7 +83,7 @@ fn rounds_of_intervals_go_on_in_stretches() {
     let mut short = roomy.beside();
     short.most_turns = 2_100;
     for case in swept().iter().filter(|case| ["fast", "positions", "once"].contains(&case.name)) {
-        let (got, want) = (frame(&mut short, case), frame(&mut roomy, case));
+        let (got, want) = (render(&mut short, case), render(&mut roomy, case));
         let [got_calls, want_calls] = [&got, &want].map(|rendered| rendered.stats.gpu.unwrap());
         assert!(got_calls.dispatches > want_calls.dispatches, "{}: no list was cut", case.name);
         assert_eq!((got_calls.walks, want_calls.walks), (1, 1), "{}: not one round", case.name);

@@ -5,13 +5,12 @@ use glam::DVec3;
 use super::cases::{Case, ball, object, scene};
 use super::gpu_or_skip;
 use super::mutants::{Mutant, all_are_noticed};
+use super::pictures::{pixels_agree, render};
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::Gpu;
 use crate::film::Aov;
 use crate::options::{BlurMode, Interleave, Look, Prefilter, RenderOptions, Times};
-use crate::renderer::{Rendered, render_checked};
 use crate::scene::{Motion, Scene};
-use crate::time::FrameNumber;
 
 /// A ball at rest that fills tiles of its own, and a small one that crosses a part of it.
 fn ball_before_ball() -> Scene {
@@ -51,23 +50,13 @@ pub(super) fn cases() -> Vec<Case> {
     ]
 }
 
-fn frame(backend: &mut dyn crate::backend::Backend, case: &Case) -> Rendered {
-    render_checked(backend, &case.scene, FrameNumber::from(0), &case.options).unwrap_or_else(|e| panic!("{e}"))
-}
-
 /// Compares pictures, and the number of splats that were made: what is at rest counts once a position.
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
-    let (want, got) = (frame(&mut Cpu::default(), case), frame(gpu, case));
+    let (want, got) = (render(&mut Cpu::default(), case), render(gpu, case));
     if got.stats.splats.abs_diff(want.stats.splats) > 3 {
         return Err(format!("{}: {} splats, not {}", case.name, got.stats.splats, want.stats.splats));
     }
-    let pairs = got.picture.rgba.iter().flatten().zip(want.picture.rgba.iter().flatten());
-    let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    eprintln!("{}: worst {worst:.1e}", case.name);
-    if worst > 2e-5 {
-        return Err(format!("{}: pixels differ by {worst}", case.name));
-    }
-    Ok(())
+    pixels_agree(case.name, &got.picture, &want.picture, 2e-5)
 }
 
 #[test]
@@ -75,13 +64,13 @@ fn what_rests_is_made_once_a_position() {
     let Some(mut gpu) = gpu_or_skip("what_rests_is_made_once_a_position") else { return };
     for case in cases() {
         check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
-        let want = frame(&mut gpu, &case);
+        let want = render(&mut gpu, &case);
         // Surfels in many batches, and bands of few tiles.
         let (mut batches, mut bands) = (gpu.beside(), gpu.beside());
         batches.most_slots = 100;
         bands.most_bytes = 160 << 10;
-        assert_eq!(frame(&mut batches, &case).picture, want.picture, "{}: batches of 100", case.name);
-        assert_eq!(frame(&mut bands, &case).picture, want.picture, "{}: bindings of 160 KiB", case.name);
+        assert_eq!(render(&mut batches, &case).picture, want.picture, "{}: batches of 100", case.name);
+        assert_eq!(render(&mut bands, &case).picture, want.picture, "{}: bindings of 160 KiB", case.name);
     }
 }
 

@@ -2,17 +2,16 @@
 
 use super::captures::captures;
 use super::cases;
-use super::filtered_sweeps;
 use super::gpu_or_skip;
+use super::pictures::render;
 use super::shared_rest;
+use super::sweeps;
 use crate::backend::BackendError;
 use crate::backend::gpu::Gpu;
 use crate::film::Picture;
-use crate::renderer::render_checked;
-use crate::time::FrameNumber;
 
 fn picture(gpu: &mut Gpu, case: &cases::Case) -> Picture {
-    render_checked(gpu, &case.scene, FrameNumber::from(0), &case.options).unwrap_or_else(|e| panic!("{e}")).picture
+    render(gpu, case).picture
 }
 
 #[test]
@@ -54,7 +53,7 @@ fn small_buffers_change_nothing() {
 fn a_frame_takes_what_it_may_take() {
     let Some(mut counting) = gpu_or_skip("a_frame_takes_what_it_may_take") else { return };
     let mut rounds = 0;
-    let all = cases::all().into_iter().chain(cases::swept()).chain(filtered_sweeps::filtered());
+    let all = cases::all().into_iter().chain(cases::swept()).chain(sweeps::own());
     for mut case in all.chain(shared_rest::cases()) {
         (case.scene.image.width, case.scene.image.height) = (1600, 400);
         let mut frame = case.frame();

@@ -6,8 +6,8 @@ use super::compare::{Tally, largest};
 use super::gpu_or_skip;
 use super::harness::read;
 use super::mutants::{Mutant, all_are_noticed, named};
+use super::pictures::{BUDGET, look_the_same};
 use super::rounds::same_one_by_one;
-use super::sweeps::values;
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::transparent::project::{Projected, project};
 use crate::backend::cpu::transparent::view::GaussianView;
@@ -21,29 +21,6 @@ use crate::frame::{Frame, PixelRect};
 use crate::options::{ErrorTarget, Quality};
 use crate::renderer::render_checked;
 use crate::time::FrameNumber;
-
-/// Share of values that may differ. At a cut-off a splat may fall on the other side by rounding; on the software device
-/// that was seen at no value of any case.
-const BUDGET: f64 = 1e-3;
-/// Largest difference of a value, relative to the larger of 1 and the value. Measured on the software device: 4.8e-7
-/// with captures alone, 1.6e-5 with volumes, whose kernels the CPU steps along columns.
-const TOLERANCE: f32 = 1e-4;
-
-/// The picture of the device against the CPU's.
-fn compare(name: &str, got: &Picture, want: &Picture) -> Result<(), String> {
-    let (got, want) = (values(got), values(want));
-    let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / w.abs().max(1.0) };
-    let differences: Vec<f32> = got.iter().zip(&want).map(difference).collect();
-    let worst = differences.iter().copied().fold(0.0, f32::max);
-    let differing = differences.iter().filter(|&&d| d >= TOLERANCE || d.is_nan()).count();
-    let covered = want.iter().filter(|&&v| v != 0.0 && v.is_finite()).count();
-    eprintln!("{name}: worst {worst:.1e}, {differing} of {} values differ, {covered} not 0", want.len());
-    assert!(got.len() == want.len() && covered > 0, "{name}: nothing to compare");
-    if differing as f64 > BUDGET * want.len() as f64 {
-        return Err(format!("{name}: {differing} of {} values differ, worst {worst:.1e}", want.len()));
-    }
-    Ok(())
-}
 
 /// All projected Gaussians of the first sample of a case.
 fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, String> {
@@ -123,7 +100,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     if left_out[0].abs_diff(left_out[1]) as f64 > BUDGET * want.picture.rgba.len() as f64 {
         return Err(format!("{}: {left_out:?} pixels left out", case.name));
     }
-    compare(case.name, &got.picture, &want.picture)
+    look_the_same(case.name, &got.picture, &want.picture)
 }
 
 #[test]
@@ -154,7 +131,7 @@ fn captures_look_the_same_in_mode_auto() {
         let (got, want) = (rendered(&mut gpu), rendered(&mut Cpu::default()));
         assert_eq!(got.stats.achieved.map(|a| a.refined), want.stats.achieved.map(|a| a.refined));
         refined |= want.stats.achieved.is_some_and(|achieved| achieved.refined > 0);
-        compare(case.name, &got.picture, &want.picture).unwrap_or_else(|what| panic!("{what}"));
+        look_the_same(case.name, &got.picture, &want.picture).unwrap_or_else(|what| panic!("{what}"));
     }
     assert!(refined, "no block is wanted");
 }
