@@ -8,7 +8,6 @@ mod inputs;
 mod licences;
 mod modules;
 mod package;
-mod shaders;
 mod source;
 mod text;
 mod tiers;
