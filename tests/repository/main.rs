@@ -1,5 +1,5 @@
 //! The repository itself: the library's face, the order of modules, widths of lines, lengths of guides, citations,
-//! the package, licences, shaders, tiers of the tests.
+//! the package, licences, tiers of the tests.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
 
