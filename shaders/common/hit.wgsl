@@ -1,5 +1,5 @@
 // A splat's plane on the rays through the pixels of an invocation.
-// Twin: Row and Hit of src/backend/cpu/patch.rs.  Math: docs/math.md, eq. 2.
+// Twin: Patch and Hit of src/backend/cpu/patch.rs.  Math: docs/math.md, eq. 2.
 
 struct Hit {
     // Distance from the splat's reference point, pixels.

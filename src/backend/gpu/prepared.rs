@@ -59,7 +59,8 @@ impl Gpu {
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
         let (channels, see_through) = (DeviceChannels::of(frame), DeviceChannels::see_through(frame));
         let planes = frame.film_planes();
-        // An entry takes two turns of a loop. Full EWA walks over a list twice, for the band and for the other layers.
+        // An entry takes two turns of a loop. Full EWA walks over a list twice, for the band and for the other layers;
+        // over wide splats also where the apron takes its invocations more than one turn.
         // A kernel in motion that a pixel meets takes one turn more for each slice that it touches, or for each
         // sample of its source, and one to find the end; its lists are walked over in stretches. So are those of
         // Gaussians, each of which takes two turns more where layers of surfels may lie before it.
