@@ -1,4 +1,5 @@
-// Includes: common/types common/views common/wanted common/scan
+// Includes: common/types common/views common/wanted
+// Scans: common/scan.wgsl, or common/scan_by_subgroups.wgsl where the device has subgroups.
 // Pass `bin`: sorts splats into one list per tile, in global surfel order.
 // Twin: src/backend/cpu/bin.rs, whose lists are per chunk; the order is the same.
 //   in   touched   number of wanted tiles of each slot's splat; WIDE for splats that are listed separately

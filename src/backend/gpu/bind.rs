@@ -121,7 +121,7 @@ impl Binder<'_> {
         let (prepared, row) = (self.prepared, program.row());
         let frame = prepared.frame;
         let DeviceState { device, pipelines, groups, buffers, .. } = &mut *self.state;
-        let variant = program.variant(of.kind.kernel(frame), device.lanes);
+        let variant = program.variant(of.kind.kernel(frame), device.form);
         let mut constants = Constants::new();
         let digit = match of.own {
             Own::Sort { by, .. } => Some(by),

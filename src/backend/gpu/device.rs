@@ -9,7 +9,7 @@ use wgpu::{
 };
 
 use super::calls::Calls;
-use super::lanes::Lanes;
+use super::form::{Form, Lanes};
 use super::layout::VIEW_BYTES;
 use crate::backend::BackendError;
 
@@ -54,8 +54,8 @@ pub(in crate::backend) struct Device {
     pub adapter: AdapterInfo,
     pub limits: Limits,
     pub timestamps: bool,
-    /// What invocations of some passes work on.
-    pub lanes: Lanes,
+    /// What some programs are written for.
+    pub form: Form,
     pub handle: wgpu::Device,
     queue: wgpu::Queue,
     pub calls: Arc<Calls>,
@@ -172,10 +172,11 @@ impl Device {
         if let Some(what) = lacks {
             return Err(BackendError::Device { adapter: info.name, what });
         }
-        let timestamps = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let has = |feature| adapter.features() & feature;
+        let (timestamps, subgroups) = (has(wgpu::Features::TIMESTAMP_QUERY), has(wgpu::Features::SUBGROUP));
         let description = wgpu::DeviceDescriptor {
             label: Some("splatblur"),
-            required_features: timestamps,
+            required_features: timestamps | subgroups,
             required_limits: limits.clone(),
             ..Default::default()
         };
@@ -192,7 +193,7 @@ impl Device {
             adapter: info,
             limits,
             timestamps: !timestamps.is_empty(),
-            lanes,
+            form: Form { lanes, subgroups: !subgroups.is_empty() },
             handle,
             queue,
             calls: Arc::default(),

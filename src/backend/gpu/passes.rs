@@ -1,6 +1,6 @@
 //! The passes on the device, a row each: its WGSL, the buffers that it reads and writes, and what it runs over.
 
-use super::lanes::Lanes;
+use super::form::{Form, Lanes};
 use super::slots::Slot;
 use super::texts::{File, file, texts};
 use super::timestamps::Stage;
@@ -82,12 +82,18 @@ pub(in crate::backend) enum Per {
     Stretch,
 }
 
+/// A file of `src/backend/cpu/`, and a function in it.
+pub(in crate::backend) type Twin = (&'static str, &'static str);
+
 /// A row of the table.
 pub(in crate::backend) struct Row {
     pub program: Program,
     pub entry: &'static str,
     /// What the time of a pass counts for that has it. Sorts by depth count for `Sort`.
     pub stage: Stage,
+    /// What does the same on the CPU.
+    #[cfg_attr(not(test), allow(dead_code, reason = "tests look it up"))]
+    pub twin: Twin,
     /// Files of WGSL beside those that they include.
     files: &'static [File],
     /// Kernels that it is compiled for; empty where it is the same for all.
@@ -96,6 +102,8 @@ pub(in crate::backend) struct Row {
     lanes: Lanes,
     /// The last file, by lanes, where it differs.
     by_lanes: Option<[File; 2]>,
+    /// A file without operations of subgroups, and the one with them that takes its place where the device has them.
+    by_subgroups: Option<[File; 2]>,
     pub reads: &'static [Slot],
     pub writes: &'static [Slot],
     pub per: Per,
@@ -103,12 +111,12 @@ pub(in crate::backend) struct Row {
     pub constants: Option<&'static [&'static str]>,
 }
 
-/// A program for a kind of kernels and lanes. Where they make no difference, they are the first ones.
+/// A program for a kind of kernels and a form. Where they make no difference, they are the first ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::backend) struct Variant {
     pub program: Program,
     pub kernel: KernelKind,
-    lanes: Lanes,
+    pub form: Form,
 }
 
 const KERNELS: &[KernelKind] = &[KernelKind::Disc, KernelKind::LowPass, KernelKind::Filtered];
@@ -116,6 +124,7 @@ const KERNELS: &[KernelKind] = &[KernelKind::Disc, KernelKind::LowPass, KernelKi
 /// A row of a program that is the same for all kernels.
 const fn row(
     (program, entry, stage): (Program, &'static str, Stage),
+    twin: Twin,
     files: &'static [File],
     per: Per,
     reads: &'static [Slot],
@@ -125,10 +134,12 @@ const fn row(
         program,
         entry,
         stage,
+        twin,
         files,
         kernels: &[],
         lanes: Lanes::Quads,
         by_lanes: None,
+        by_subgroups: None,
         reads,
         writes,
         per,
@@ -144,7 +155,12 @@ const fn bin(
     writes: &'static [Slot],
     constants: &'static [&'static str],
 ) -> Row {
-    Row { constants: Some(constants), ..row((program, entry, Stage::Bin), &[file!("bin.wgsl")], per, reads, writes) }
+    let twin = ("bin.rs", "bin");
+    Row {
+        by_subgroups: Some([file!("common/scan.wgsl"), file!("common/scan_by_subgroups.wgsl")]),
+        constants: Some(constants),
+        ..row((program, entry, Stage::Bin), twin, &[file!("bin.wgsl")], per, reads, writes)
+    }
 }
 
 use Slot::{
@@ -159,6 +175,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: KERNELS,
         ..row(
             (Program::Project, "project", Stage::Project),
+            ("paint/project.rs", "project"),
             &[file!("paint/project.wgsl")],
             Per::Surfels,
             &[Geometry, Segments, Wanted],
@@ -194,6 +211,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: KERNELS,
         ..row(
             (Program::Visibility, "visibility", Stage::Visibility),
+            ("paint/visibility.rs", "visibility"),
             &[file!("paint/visibility.wgsl")],
             Per::Tile,
             &[Segments, Splats, Wide, Starts, Wanted],
@@ -205,6 +223,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         lanes: Lanes::Pixels,
         ..row(
             (Program::VisibilityEntries, "visibility_entries", Stage::Visibility),
+            ("paint/visibility.rs", "visibility"),
             &[file!("paint/visibility_entries.wgsl")],
             Per::Entry,
             &[Segments, Splats, List, SortedKeys, Starts],
@@ -213,6 +232,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     },
     row(
         (Program::JoinRest, "join_rest", Stage::Visibility),
+        ("paint/visibility.rs", "visibility"),
         &[file!("paint/join_rest.wgsl")],
         Per::Tile,
         &[Starts],
@@ -222,6 +242,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         kernels: &[KernelKind::Filtered],
         ..row(
             (Program::Second, "second", Stage::Visibility),
+            ("paint/visibility.rs", "second"),
             &[file!("paint/second.wgsl")],
             Per::Tile,
             &[Segments, Splats, Wide, Starts, Wanted],
@@ -233,6 +254,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         lanes: Lanes::Pixels,
         ..row(
             (Program::SecondEntries, "second_entries", Stage::Visibility),
+            ("paint/visibility.rs", "second"),
             &[file!("paint/second_entries.wgsl")],
             Per::Entry,
             &[Segments, Splats, List, SortedKeys, Starts],
@@ -241,6 +263,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     },
     row(
         (Program::SplatValues, "splat_values", Stage::Attribute),
+        ("values.rs", "values"),
         &[file!("values.wgsl")],
         Per::Surfels,
         &[Geometry, Looks, Segments, Lights, Splats, Touched, Environment],
@@ -251,6 +274,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         by_lanes: Some([file!("paint/attribute_quads.wgsl"), file!("paint/attribute_pixels.wgsl")]),
         ..row(
             (Program::Attribute, "sum_attributes", Stage::Attribute),
+            ("paint/attribute.rs", "attribute"),
             &[file!("paint/attribute.wgsl")],
             Per::Tile,
             &[Segments, Splats, List, Wide, Starts, Thresholds, Values],
@@ -259,6 +283,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     },
     row(
         (Program::Resolve, "resolve", Stage::Resolve),
+        ("paint/resolve.rs", "resolve"),
         &[file!("paint/resolve.wgsl")],
         Per::Tile,
         &[Lights, Thresholds, Sums, Environment, Starts],
@@ -266,6 +291,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::Sweep, "sweep", Stage::Project),
+        ("swept/project.rs", "project"),
         &[file!("swept/project.wgsl")],
         Per::Surfels,
         &[Geometry, Segments, Wanted],
@@ -273,6 +299,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::SweptVisibility, "swept_visibility", Stage::Visibility),
+        ("swept/slices.rs", "visibility"),
         &[file!("swept/visibility.wgsl")],
         Per::Stretch,
         &[Segments, Splats, List, Wide, Starts],
@@ -280,6 +307,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::SweptEntries, "swept_entries", Stage::Visibility),
+        ("swept/slices.rs", "visibility"),
         &[file!("swept/visibility_entries.wgsl")],
         Per::Entry,
         &[Segments, Splats, List, SortedKeys, Starts],
@@ -287,6 +315,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::SweptAttribute, "swept_attribute", Stage::Attribute),
+        ("swept/attribute.rs", "attribute"),
         &[file!("swept/attribute.wgsl")],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Values, Map],
@@ -294,6 +323,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::SweptResolve, "swept_resolve", Stage::Resolve),
+        ("swept/resolve.rs", "add_to_film"),
         &[file!("swept/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Lights, Sums, CoverageMask, Moments, Environment],
@@ -301,6 +331,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::Pool, "pool", Stage::Resolve),
+        ("swept/resolve.rs", "add_to_film"),
         &[file!("swept/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Sums, CoverageMask, Moments],
@@ -308,6 +339,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::Finish, "finish", Stage::Resolve),
+        ("swept/resolve.rs", "finish"),
         &[file!("swept/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[],
@@ -315,6 +347,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::StoreMap, "store_map", Stage::Visibility),
+        ("published/map.rs", "store"),
         &[file!("published/map.wgsl")],
         Per::Tile,
         &[Thresholds],
@@ -322,6 +355,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PublishedSweep, "published_sweep", Stage::Project),
+        ("published/project.rs", "project"),
         &[file!("published/project.wgsl")],
         Per::Surfels,
         &[Geometry, Segments, Wanted],
@@ -329,6 +363,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PublishedAttribute, "published_attribute", Stage::Attribute),
+        ("published/attribute.rs", "attribute"),
         &[file!("published/attribute.wgsl")],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Values, Map],
@@ -336,6 +371,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PublishedResolve, "swept_resolve", Stage::Resolve),
+        ("swept/resolve.rs", "add_to_film"),
         &[file!("published/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Lights, Sums, CoverageMask, Moments, Environment],
@@ -343,6 +379,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PublishedPool, "pool", Stage::Resolve),
+        ("swept/resolve.rs", "add_to_film"),
         &[file!("published/coverage.wgsl"), file!("swept/resolve.wgsl")],
         Per::Tile,
         &[Sums, CoverageMask, Moments],
@@ -350,6 +387,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::GaussianProject, "gaussian_project", Stage::Project),
+        ("transparent/project.rs", "project"),
         &[file!("transparent/project.wgsl")],
         Per::Surfels,
         &[Geometry, Looks, Lights, CaptureSegments],
@@ -357,6 +395,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::Gather, "gather", Stage::Bin),
+        ("transparent/sorted.rs", "lists"),
         &[file!("transparent/gather.wgsl")],
         Per::Slots,
         &[Gaussians, Order, Wanted],
@@ -364,6 +403,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::Composite, "composite", Stage::Composite),
+        ("transparent/composite.rs", "composite"),
         &[file!("transparent/composite.wgsl")],
         Per::Stretch,
         &[Splats, List, Wide, Starts, Thresholds, Wanted, Layers],
@@ -371,6 +411,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::TransparentResolve, "transparent_resolve", Stage::Resolve),
+        ("transparent/resolve.rs", "resolve"),
         &[file!("transparent/resolve.wgsl")],
         Per::TileAndBackground,
         &[Sums, Opaque, Wanted],
@@ -378,6 +419,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PeelStart, "peel_start", Stage::Visibility),
+        ("transparent/see_through/cover.rs", "start"),
         &[file!("transparent/peel.wgsl")],
         Per::Tile,
         &[Thresholds, Wanted],
@@ -385,6 +427,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PeelResolve, "peel_resolve", Stage::Resolve),
+        ("transparent/see_through/resolve.rs", "resolve"),
         &[file!("transparent/peel.wgsl")],
         Per::Tile,
         &[Lights, Sums, Environment],
@@ -392,6 +435,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     ),
     row(
         (Program::PeelLeftOut, "peel_left_out", Stage::Visibility),
+        ("transparent/see_through/cover.rs", "left_out"),
         &[file!("transparent/peel.wgsl")],
         Per::Tile,
         &[],
@@ -449,12 +493,15 @@ impl Program {
     }
 
     /// The program for kernels of a kind.
-    pub(in crate::backend) fn variant(self, kernel: KernelKind, lanes: Lanes) -> Variant {
+    pub(in crate::backend) fn variant(self, kernel: KernelKind, form: Form) -> Variant {
         let row = self.row();
         Variant {
             program: self,
             kernel: if row.kernels.is_empty() { KernelKind::Disc } else { kernel },
-            lanes: if row.by_lanes.is_some() { lanes } else { row.lanes },
+            form: Form {
+                lanes: if row.by_lanes.is_some() { form.lanes } else { row.lanes },
+                subgroups: row.by_subgroups.is_some() && form.subgroups,
+            },
         }
     }
 }
@@ -466,8 +513,8 @@ impl Variant {
         let mut all = Vec::new();
         for row in &TABLE {
             for kernel in KERNELS.iter().filter(|kernel| row.kernels.is_empty() || row.kernels.contains(kernel)) {
-                for lanes in Lanes::ALL {
-                    let variant = row.program.variant(*kernel, lanes);
+                for form in Form::all() {
+                    let variant = row.program.variant(*kernel, form);
                     if !all.contains(&variant) {
                         all.push(variant);
                     }
@@ -485,13 +532,14 @@ impl Variant {
     /// Its texts of WGSL. What an invocation works on comes first, then its kernel; what is last differs by lanes.
     pub(in crate::backend) fn texts(self) -> Vec<&'static str> {
         let row = self.program.row();
-        let mut files = vec![match self.lanes {
+        let mut files = vec![match self.form.lanes {
             Lanes::Quads => file!("common/quad.wgsl"),
             Lanes::Pixels => file!("common/pixel.wgsl"),
         }];
         files.extend((!row.kernels.is_empty()).then(|| self.kernel.file()));
+        files.extend(row.by_subgroups.map(|forms| forms[usize::from(self.form.subgroups)]));
         files.extend(row.files);
-        files.extend(row.by_lanes.map(|[quads, pixels]| if self.lanes == Lanes::Quads { quads } else { pixels }));
+        files.extend(row.by_lanes.map(|[quads, pixels]| if self.form.lanes == Lanes::Quads { quads } else { pixels }));
         texts(&files)
     }
 

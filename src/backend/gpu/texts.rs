@@ -34,7 +34,6 @@ pub(super) const FILES: &[File] = files![
     "common/paths.wgsl",
     "common/posed.wgsl",
     "common/ray.wgsl",
-    "common/scan.wgsl",
     "common/segment.wgsl",
     "common/shading.wgsl",
     "common/srgb.wgsl",

@@ -4,12 +4,8 @@ use std::sync::LazyLock;
 
 use super::harness::NONE;
 use crate::backend::gpu::adapters;
+use crate::backend::gpu::slots::Slot;
 
-/// Largest difference of floats, relative to the larger of 1 and the values that are added or multiplied (and for a
-/// splat's forms its `skew`). On the software device it is 0, measured: that device neither contracts nor approximates.
-/// One unit in the last place more in each of the sums that may cancel makes 1.9e-6
-/// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units.
-const TOLERANCE: f32 = 5e-6;
 /// Share of slots or pixels that may differ more: those for which a rounded value decides (a bound next to a pixel's
 /// centre, a pixel next to a rim). On the software device there are none.
 const BUDGET: f64 = 1e-3;
@@ -19,8 +15,8 @@ static LEEWAY: LazyLock<u8> =
     LazyLock::new(|| if adapters().iter().any(|adapter| adapter.kind != "software") { 2 } else { 1 });
 
 /// What two backends have of one slot.
-#[derive(Default)]
 pub(super) struct Tally {
+    tolerance: f32,
     worst: f32,
     decided_otherwise: usize,
     pub count: usize,
@@ -28,6 +24,10 @@ pub(super) struct Tally {
 }
 
 impl Tally {
+    pub(super) fn of(slot: Slot) -> Self {
+        Self { tolerance: slot.tolerance(), worst: 0.0, decided_otherwise: 0, count: 0, first: None }
+    }
+
     /// Compares values whose size is that of `scale`.
     pub(super) fn floats(&mut self, got: &[f32], want: &[f32], scale: f32, at: impl Fn() -> String) {
         assert_eq!(got.len(), want.len(), "{}", at());
@@ -35,7 +35,7 @@ impl Tally {
             got.iter().zip(want).map(|(g, w)| (g - w).abs()).fold(0.0, |a: f32, b| if b <= a { a } else { b });
         let relative = difference / scale.max(1.0);
         self.count += 1;
-        if relative <= TOLERANCE * f32::from(*LEEWAY) {
+        if relative <= self.tolerance * f32::from(*LEEWAY) {
             self.worst = self.worst.max(relative);
         } else {
             self.otherwise(|| format!("{}: {got:?}, not {want:?}", at()));
@@ -48,7 +48,7 @@ impl Tally {
     }
 
     pub(super) fn check(self, what: &str) -> Result<(), String> {
-        let Self { worst, decided_otherwise, count, first } = self;
+        let Self { worst, decided_otherwise, count, first, .. } = self;
         eprintln!("{what}: worst {worst:.1e}, {decided_otherwise} of {count} decided otherwise");
         if decided_otherwise as f64 > BUDGET * f64::from(*LEEWAY) * count as f64 {
             return Err(format!("{what}: {decided_otherwise} of {count} differ; first {}", first.unwrap_or_default()));
@@ -68,9 +68,10 @@ pub(super) fn flat<T: Copy>(tiles: &[Vec<T>]) -> Vec<T> {
 }
 
 /// Single values in the order in which the device has them.
-pub(super) fn compare(what: &str, got: &[f32], want: &[f32], scale: impl Fn(usize) -> f32) -> Result<(), String> {
+pub(super) fn compare(slot: Slot, got: &[f32], want: &[f32], scale: impl Fn(usize) -> f32) -> Result<(), String> {
+    let what = slot.name();
     assert_eq!(got.len(), want.len(), "{what}");
-    let mut tally = Tally::default();
+    let mut tally = Tally::of(slot);
     for (i, (got, want)) in got.iter().zip(want).enumerate() {
         let want = want.min(NONE);
         tally.floats(&[*got], &[want], scale(i).max(want.abs()), || format!("{i}"));

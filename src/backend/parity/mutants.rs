@@ -7,7 +7,7 @@ use super::cases::{self, Case};
 use super::gpu_or_skip;
 use super::paint;
 use crate::backend::gpu::Gpu;
-use crate::backend::gpu::lanes::Lanes;
+use crate::backend::gpu::form::Lanes;
 use crate::backend::gpu::passes::Variant;
 
 /// Text of a program, what replaces it, and a case that must notice.
@@ -129,9 +129,9 @@ static BY_PIXELS: [Mutant; 8] = [
 fn broken_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_are_noticed") else { return };
     let cases = cases::all();
-    gpu.state.device.lanes = Lanes::Quads;
+    gpu.state.device.form.lanes = Lanes::Quads;
     all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| paint::check(gpu, named(&cases, name)));
-    gpu.state.device.lanes = Lanes::Pixels;
+    gpu.state.device.form.lanes = Lanes::Pixels;
     all_are_noticed(&mut gpu, &BY_PIXELS, |gpu, name| paint::check(gpu, named(&cases, name)));
 }
 

@@ -14,7 +14,7 @@ use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::cpu::paint::{Kernel, PaintGroup};
 use crate::backend::cpu::published::LowPassSplat;
 use crate::backend::gpu::Gpu;
-use crate::backend::gpu::lanes::Lanes;
+use crate::backend::gpu::form::{Form, Lanes};
 use crate::backend::gpu::layout::TILE;
 use crate::backend::gpu::passes::KernelKind;
 use crate::backend::gpu::slots::Slot;
@@ -109,7 +109,7 @@ impl<K: Kernel> Both<'_, K> {
         let want = self.depths();
         let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers[Slot::Thresholds], want.len());
         let floats = self.depth_floats();
-        let mut tally = Tally::default();
+        let mut tally = Tally::of(Slot::Thresholds);
         for (i, (got, want)) in got.iter().zip(&want).enumerate() {
             // The nearest depths are behind those of all tiles.
             let is_second = i < self.tiles.len() * floats && i % floats >= floats - Self::BEHIND;
@@ -135,7 +135,7 @@ impl<K: Kernel> Both<'_, K> {
         let (layers, count) = (channels.layers, channels.count);
         let floats = layers * count * PIXELS;
         let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers[Slot::Sums], self.tiles.len() * floats);
-        let mut tally = Tally::default();
+        let mut tally = Tally::of(Slot::Sums);
         for ((got, host), tile) in got.chunks(floats).zip(&self.host).zip(&self.tiles) {
             let Some(host) = host else {
                 // Nothing is added to a tile that is not wanted.
@@ -194,7 +194,7 @@ impl<K: Kernel> Both<'_, K> {
         let film = |host: &Option<PaintedTile>| flat(&self.twins.film(host.as_ref().unwrap_or(&none)));
         let want: Vec<f32> = self.host.iter().flat_map(film).collect();
         super::compare::compare(
-            "film",
+            Slot::Film,
             &self.harness.read(&self.harness.gpu.state.buffers[Slot::Film], want.len()),
             &want,
             |_| 1.0,
@@ -298,8 +298,10 @@ fn check_of<K: Kernel + Slotted>(gpu: &mut Gpu, frame: &Frame, counts: &mut Coun
 #[test]
 fn passes_agree() {
     let Some(mut gpu) = gpu_or_skip("passes_agree") else { return };
-    for lanes in Lanes::ALL {
-        gpu.state.device.lanes = lanes;
+    // Programs have two forms of both kinds; none has both.
+    let has_subgroups = gpu.state.device.form.subgroups;
+    for (lanes, subgroups) in Lanes::ALL.into_iter().zip([false, has_subgroups]) {
+        gpu.state.device.form = Form { lanes, subgroups };
         let mut counts = Counts::default();
         for case in cases::all() {
             eprintln!("{}, by {lanes:?}:", case.name);
@@ -315,7 +317,7 @@ fn passes_agree() {
 fn filtered_passes_agree() {
     let Some(mut gpu) = gpu_or_skip("filtered_passes_agree") else { return };
     for lanes in Lanes::ALL {
-        gpu.state.device.lanes = lanes;
+        gpu.state.device.form.lanes = lanes;
         let mut counts = Counts::default();
         let wide_filter = |case: &Case| ["supersample", "in part"].contains(&case.name).then_some(3.3);
         for case in filtered() {
@@ -415,9 +417,9 @@ fn broken_ewa_programs_are_noticed() {
         let case = named(&cases, if sigma.is_some() { "supersample" } else { name });
         check_and_count(gpu, case, sigma, &mut Counts::default())
     };
-    gpu.state.device.lanes = Lanes::Quads;
+    gpu.state.device.form.lanes = Lanes::Quads;
     all_are_noticed(&mut gpu, &MUTANTS, notices);
-    gpu.state.device.lanes = Lanes::Pixels;
+    gpu.state.device.form.lanes = Lanes::Pixels;
     all_are_noticed(&mut gpu, &BY_PIXELS, notices);
 }
 

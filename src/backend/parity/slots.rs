@@ -228,7 +228,7 @@ impl<S: Slotted> Slots<S> {
         let buffers = &harness.gpu.state.buffers;
         let touched: Vec<u32> = harness.read(&buffers[Slot::Touched], self.touched.len());
         let splats: Vec<S> = harness.read(&buffers[Slot::Splats], self.splats.len());
-        let mut tally = Tally::default();
+        let mut tally = Tally::of(Slot::Splats);
         for (slot, (want, got)) in self.splats.iter().zip(&splats).enumerate() {
             if touched[slot] != self.touched[slot] {
                 tally.count += 1;

@@ -53,25 +53,42 @@ fn check(gpu: &mut Gpu, counts: &[u32]) -> Result<(), String> {
 fn depths_are_sorted_and_ties_stay_in_order() {
     let Some(mut gpu) = gpu_or_skip("depths_are_sorted_and_ties_stay_in_order") else { return };
     let counts = [1, 2, 63, 64, 65, 1023, 1024, 1025, 5000, 100_000, 300_001];
-    check(&mut gpu, &counts).unwrap_or_else(|what| panic!("{what}"));
+    let has_subgroups = gpu.state.device.form.subgroups;
+    for subgroups in [false, has_subgroups] {
+        gpu.state.device.form.subgroups = subgroups;
+        check(&mut gpu, &counts).unwrap_or_else(|what| panic!("subgroups {subgroups}: {what}"));
+    }
 }
 
 #[test]
 #[ignore = "deep: broken programs"]
 fn broken_sorts_are_noticed() {
-    static BROKEN: [[(&str, &str); 1]; 5] = [
+    static BROKEN: [[(&str, &str); 1]; 10] = [
         [("place += select(0u, 1u, digits[before] == digit)", "place += select(0u, 1u, digits[before] > digit)")],
         [("place += entries", "place += 0u * entries")],
         [("place += digit_totals[digit]", "place += 1u")],
         [("(sorted_keys[i] >> SHIFT)", "(sorted_keys[i] >> (SHIFT & 15u))")],
         [("histogram[at] = before + result.before.x", "histogram[at] = result.before.x")],
+        [("sum += scanned[lane - distance]", "sum += scanned[lane]")],
+        [("if other == lane / size { before += total; }", "")],
+        [("scanned[run * size + place] = before_in_run", "scanned[run * size + place] = own")],
+        [("sums_of_runs[run] = before_in_run + own", "sums_of_runs[run] = before_in_run")],
+        [("atomicAdd(&runs_taken, 1u)", "atomicAdd(&runs_taken, 2u) / 4u")],
     ];
     let Some(mut gpu) = gpu_or_skip("broken_sorts_are_noticed") else { return };
     check(&mut gpu, &[1025]).unwrap_or_else(|what| panic!("{what}"));
+    let has_subgroups = gpu.state.device.form.subgroups;
     let intact = std::mem::take(&mut gpu.state.pipelines);
     for pair in &BROKEN {
-        assert!(Variant::all().iter().any(|variant| variant.wgsl().contains(pair[0].0)), "no program has {pair:?}");
+        let mut having = Variant::all().into_iter().filter(|variant| variant.wgsl().contains(pair[0].0)).peekable();
+        assert!(having.peek().is_some(), "no program has {pair:?}");
         gpu.state.pipelines = intact.with(pair);
+        // A scan has two forms.
+        let subgroups = having.all(|variant| variant.form.subgroups);
+        if subgroups && !has_subgroups {
+            continue;
+        }
+        gpu.state.device.form.subgroups = subgroups;
         // The last has more than 256 workgroups.
         let Err(what) = check(&mut gpu, &[1025, 300_000]) else { panic!("{pair:?} was not noticed") };
         eprintln!("{pair:?}: {what}");

@@ -79,7 +79,7 @@ fn check_published(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let pass = Pass::Map(MapPass::Visibility);
     harness.run(pass);
     let got: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Thresholds], count);
-    compare("thresholds", &got, &flat(&thresholds), |_| 1.0).map_err(failed(pass))?;
+    compare(Slot::Thresholds, &got, &flat(&thresholds), |_| 1.0).map_err(failed(pass))?;
 
     let finite: Vec<f32> = thresholds.iter().flatten().map(|t| t.min(NONE)).collect();
     harness.write(&harness.gpu.state.buffers[Slot::Thresholds], &finite);
@@ -96,7 +96,7 @@ fn check_published(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let some = |values: &[f32]| -> Vec<f32> {
         values.iter().enumerate().filter(|(i, _)| inside(*i)).map(|(_, value)| *value).collect()
     };
-    compare("map", &some(&got), &some(&flat(&stored)), |_| 1.0).map_err(failed(pass))?;
+    compare(Slot::Map, &some(&got), &some(&flat(&stored)), |_| 1.0).map_err(failed(pass))?;
 
     let map: Map = map_twins.map(&stored, around.tiles[0] as usize);
     let group = PublishedSweepGroup { scope: scope(band), interval: &interval, kernel, map: &map };
@@ -160,7 +160,7 @@ fn check_own(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     harness.run(pass);
     let buffers = &harness.gpu.state.buffers;
     let got: Vec<f32> = harness.read(&buffers[Slot::Map], thresholds.len());
-    compare("thresholds of slices", &got, &thresholds, |_| 1.0).map_err(failed(pass))?;
+    compare(Slot::Map, &got, &thresholds, |_| 1.0).map_err(failed(pass))?;
 
     let of_tile = |(&tile, slices): (_, &Vec<Vec<f32>>)| twins.attribute(&kernels, &filters, tile, slices);
     let sums: Vec<_> = on_band.iter().zip(&slices).map(of_tile).collect();
@@ -181,7 +181,7 @@ fn compare_film(harness: &mut Harness<'_>, sums: &[SweptSums], want: &[Vec<f32>]
     harness.write(&buffers[Slot::CoverageMask], &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
     harness.run(pass);
     let got: Vec<f32> = harness.read(&harness.gpu.state.buffers[Slot::Film], want.len() * PIXELS);
-    compare("film", &got, &flat(want), |_| 1.0)
+    compare(Slot::Film, &got, &flat(want), |_| 1.0)
 }
 
 /// `Project` and `Bin` of kernels in motion.
@@ -204,11 +204,11 @@ fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String>
     let values: Vec<f32> = want.iter().flat_map(|sums| flat(&sums.channels)).collect();
     // A sum's rounding goes with the sum of the weights.
     let weight = |i: usize| want[i / (channels * PIXELS)].channels[0][i % PIXELS];
-    compare("sums", &got, &values, weight)?;
+    compare(Slot::Sums, &got, &values, weight)?;
     let bits: Vec<u32> = want.iter().flat_map(mask_planes).flatten().collect();
     let masks = bits.len() / (want.len() * PIXELS);
     let got: Vec<u32> = harness.read(&buffers[Slot::CoverageMask], bits.len());
-    let (mut times, mut loose) = (Tally::default(), Tally::default());
+    let (mut times, mut loose) = (Tally::of(Slot::Sums), Tally::of(Slot::Sums));
     for (i, (&got, &want)) in got.iter().zip(&bits).enumerate() {
         if i / PIXELS % masks >= 2 {
             let [got, want] = [got, want].map(f32::from_bits);

@@ -12,7 +12,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::cpu::transparent::project::{Projected, project};
 use crate::backend::cpu::transparent::view::GaussianView;
 use crate::backend::gpu::Gpu;
-use crate::backend::gpu::lanes::Lanes;
+use crate::backend::gpu::form::Lanes;
 use crate::backend::gpu::layout::DeviceGaussian;
 use crate::backend::gpu::slots::Slot;
 use crate::backend::{Backend, BackendError};
@@ -34,7 +34,7 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
     let sample = &position.groups[0].samples[0];
     let of_volumes = sample.objects.iter().zip(&frame.objects).filter(|(_, object)| object.is_volume());
     let layer = of_volumes.map(|(posed, _)| posed.epsilon).fold(f32::MAX, f32::min);
-    let (mut first, mut tally) = (0_usize, Tally::default());
+    let (mut first, mut tally) = (0_usize, Tally::of(Slot::Gaussians));
     for (object, posed) in frame.objects.iter().zip(&sample.objects) {
         let Some((gaussians, drawing)) = object.drawn() else { continue };
         let view = GaussianView {
@@ -108,7 +108,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 fn captures_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same") else { return };
     for lanes in Lanes::ALL {
-        gpu.state.device.lanes = lanes;
+        gpu.state.device.form.lanes = lanes;
         // Passes of opaque surfels alone know lanes, and have tests of their own.
         let some = ["supersample", "bucket", "ewa", "glass", "in part"];
         for case in captures().iter().filter(|case| lanes == Lanes::Quads || some.contains(&case.name)) {

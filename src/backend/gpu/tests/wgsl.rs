@@ -7,10 +7,10 @@ mod writers;
 use std::collections::BTreeSet;
 
 use naga::front::wgsl;
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Module, StorageAccess};
 
-use crate::backend::gpu::passes::Variant;
+use crate::backend::gpu::passes::{TABLE, Variant};
 use crate::backend::gpu::pipelines::overrides;
 use crate::backend::gpu::texts::{FILES, INCLUDES};
 
@@ -19,11 +19,21 @@ fn module(program: Variant) -> Module {
     wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&text)))
 }
 
+/// Programs may use what every device has, and those for devices with subgroups their operations.
+fn validator(program: Variant) -> Validator {
+    if !program.form.subgroups {
+        return Validator::new(ValidationFlags::all(), Capabilities::empty());
+    }
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::SUBGROUP);
+    validator.subgroup_stages(ShaderStages::COMPUTE).subgroup_operations(SubgroupOperationSet::all());
+    validator
+}
+
 #[test]
 fn programs_are_valid() {
     for program in Variant::all() {
         let module = module(program);
-        let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+        let valid = validator(program).validate(&module);
         let info = valid.unwrap_or_else(|e| panic!("{}: {e:?}", program.entry()));
         // The table names the buffers that the program uses, and no others.
         let index = module.entry_points.iter().position(|entry| entry.name == program.entry()).unwrap();
@@ -61,6 +71,21 @@ fn programs_have_every_file() {
     }
     let all = files();
     assert!(FILES.iter().all(|(_, text)| all.iter().any(|other| other == text)), "a file was built in, and is gone");
+}
+
+/// Each program names its function on the CPU, and the file of one says the same.
+#[test]
+fn functions_of_the_cpu_are_there() {
+    for row in &TABLE {
+        let (file, function) = row.twin;
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/backend/cpu").join(file);
+        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", row.entry));
+        assert!(
+            ["(", "<"].iter().any(|open| text.contains(&format!("fn {function}{open}"))),
+            "{}: {file} has no `{function}`",
+            row.entry
+        );
+    }
 }
 
 /// Constants are found by their text: none must be overlooked.

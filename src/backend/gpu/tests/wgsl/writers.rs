@@ -3,10 +3,9 @@
 use naga::back::pipeline_constants::process_overrides;
 use naga::back::{PipelineConstants, hlsl, msl};
 use naga::proc::Layouter;
-use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, ShaderStage};
 
-use super::module;
+use super::{module, validator};
 use crate::backend::gpu::passes::{KernelKind, Program, Variant};
 
 /// Bytes of workgroup memory that every device has (the default limit of WebGPU).
@@ -23,7 +22,7 @@ const SETS: [&[(&str, f64)]; 3] = [
 fn chosen(program: Variant, set: &[(&str, f64)], write: impl FnOnce(&Module, &naga::valid::ModuleInfo)) {
     let module = module(program);
     let validate = |module: &Module| {
-        let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(module);
+        let valid = validator(program).validate(module);
         valid.unwrap_or_else(|e| panic!("{}: {e:?}", program.entry()))
     };
     let info = validate(&module);
@@ -52,7 +51,11 @@ fn programs_are_written_for_metal_and_direct3d() {
                 let (text, _) = msl::write_string(module, info, &options, &of_entry)
                     .unwrap_or_else(|e| panic!("{} for Metal: {e}", program.entry()));
                 assert!(text.contains("kernel void"), "{}", program.entry());
-                let (options, mut text) = (hlsl::Options::default(), String::new());
+                let mut options = hlsl::Options::default();
+                if program.form.subgroups {
+                    options.shader_model = hlsl::ShaderModel::V6_0;
+                }
+                let mut text = String::new();
                 let of_entry = hlsl::PipelineOptions { entry_point: entry_point.clone() };
                 hlsl::Writer::new(&mut text, &options, &of_entry)
                     .write(module, info, None)
