@@ -219,7 +219,7 @@ impl Channels {
     /// The channels that `frame` needs.
     pub fn of(frame: &Frame) -> Self {
         let deferred = frame.shading == Shading::Phong;
-        let is_point = |light: &ShadingLight| matches!(light, ShadingLight::Point { .. });
+        let is_point = |light: &ShadingLight| matches!(light, ShadingLight::Point { .. }) || light.has_shadows();
         let lit_by_points = frame.all_samples().any(|sample| sample.lights.iter().any(is_point));
         let first = frame.objects.first().and_then(|object| object.material);
         let uniform = first.filter(|_| frame.objects.iter().all(|object| object.material == first));

@@ -117,6 +117,10 @@ pub const DEGREES: Range = Range(-1e9, 1e9);
 pub const UNIT: Range = Range(0.0, 1.0);
 /// Light, a coefficient of reflection or a weight of a curve.
 pub const LIGHT: Range = Range(0.0, 1e6);
+/// Diameter of a light that is infinitely far, degrees.
+pub const ANGLE: Range = Range(0.0, 180.0);
+/// Radius of a ball of light, scene units.
+pub const RADIUS_OF_LIGHT: Range = Range(0.0, FAR);
 /// Largest factor on light: a power of two, so that `scene_file` can split any allowed radiance into colour and
 /// intensity without rounding.
 pub const MOST_INTENSITY: f64 = 1_048_576.0;

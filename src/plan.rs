@@ -57,6 +57,8 @@ pub struct Group {
     /// The interval that the group's one sample represents, and the kernels that sweep it. The sample lies at its
     /// middle. `None`: samples are instants.
     pub sweep: Option<(Interval, SweptKernel)>,
+    /// Number of its points on lights ([`light_point`](crate::sampling::light_point)).
+    pub number: u32,
 }
 
 /// A moment of the exposure.
@@ -407,7 +409,7 @@ impl Exposure {
         match mode {
             BlurMode::Still { pixel_samples } => {
                 let sample = TimeSample { time: frame, weight: 1.0 / f64::from(pixel_samples) };
-                let groups = vec![Group { samples: vec![sample], sweep: None }; pixel_samples as usize];
+                let groups = vec![Group { samples: vec![sample], sweep: None, number: 0 }; pixel_samples as usize];
                 Self::uniform(with_offsets(groups, None, filter, seed))
             }
             BlurMode::Supersample { samples, pixel_samples, interleave, times } => {
@@ -474,7 +476,7 @@ impl Exposure {
             let moments = moments(times, groups * samples, place, shutter, seed, frame);
             let moments: Vec<TimeSample> = moments.into_iter().map(weighted).collect();
             let groups = moments.chunks(samples as usize).flat_map(|samples| {
-                let group = Group { samples: samples.to_vec(), sweep: None };
+                let group = Group { samples: samples.to_vec(), sweep: None, number: 0 };
                 std::iter::repeat_n(group, repeats as usize)
             });
             RasterExposure::whole(phase, with_offsets(groups.collect(), positions, filter, seed))
@@ -546,7 +548,7 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
         let sample = TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) };
         let moments = std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1)));
         let interval = Interval { ends, moments, stretch: kernel.overlap.stretch() };
-        groups.push(Group { samples: vec![sample], sweep: Some((interval, kernel)) });
+        groups.push(Group { samples: vec![sample], sweep: Some((interval, kernel)), number: 0 });
     }
     groups.into_iter().flat_map(|group| std::iter::repeat_n(group, repeats as usize)).collect()
 }
@@ -575,7 +577,7 @@ fn share_out(groups: Vec<Group>, offsets: &[[f32; 2]]) -> Vec<PositionExposure> 
     let count = positions.len().max(1);
     for (i, group) in groups.into_iter().enumerate() {
         if let Some(position) = positions.get_mut(i % count) {
-            position.groups.push(group);
+            position.groups.push(Group { number: i as u32, ..group });
         }
     }
     positions

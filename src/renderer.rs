@@ -16,7 +16,7 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{BlockErrors, Cut, CutTolerance, Object, Scene, Shape};
+use crate::scene::{BlockErrors, Cut, CutTolerance, Light, Object, Scene, Shape};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
@@ -283,7 +283,8 @@ pub(crate) fn render_checked(
 
 /// The scene with the surfels that a frame needs. Of a scene with these it is the same.
 fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) -> Cut<'a> {
-    match options.detail.error(options.quality) {
+    // What is coarse for the eye, or out of its view, may cast a shadow.
+    match options.detail.error(options.quality).filter(|_| !has_shadows(scene, options)) {
         Some(error) => scene.cut(frame.get(), CutTolerance::of(error)),
         None => Cut::whole(scene),
     }
@@ -368,6 +369,27 @@ fn check_values(scene: &Scene, options: &RenderOptions) -> Result<(), BackendErr
     Ok(())
 }
 
+/// Does a picture have shadows?
+fn has_shadows(scene: &Scene, options: &RenderOptions) -> bool {
+    options.look.shadows && scene.lights.iter().any(Light::has_shadows)
+}
+
+/// Refuses what has no shadows.
+fn check_shadows(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
+    let refused = |what, instead| Err(BackendError::Shadows { what, instead });
+    match options.quality {
+        Quality::Mode(BlurMode::Volumetric { .. }) => refused("mode `volumetric` has", "`supersample` or `auto`"),
+        // A map shows one time, at which what moves would hide itself at others.
+        Quality::Mode(BlurMode::Bucket { samples: 2.., .. }) => {
+            refused("mode `bucket` with several samples a bucket has", "`supersample` or `auto`")
+        }
+        _ if !scene.camera.rests() && scene.objects.iter().any(|object| !object.blur) => {
+            refused("`blur=\"false\"` before a camera that moves has", "a camera that rests")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Refuses what does not go together.
 fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let (Prefilter::Ewa, Quality::Mode(BlurMode::Volumetric { swept, .. })) = (options.prefilter, options.quality)
@@ -377,6 +399,9 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     }
     if let (true, Quality::Mode(BlurMode::Volumetric { .. })) = (scene.shutter.readout.rolls(), options.quality) {
         return Err(BackendError::RollingShutter);
+    }
+    if has_shadows(scene, options) {
+        check_shadows(scene, options)?;
     }
     let transparent = |object: &&Object| object.shape.is_composited() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);

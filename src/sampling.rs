@@ -28,28 +28,47 @@ pub fn sobol2(index: u32) -> [u32; 2] {
 /// dimensions are those of [`sobol2`].
 pub fn sobol3(index: u32) -> [u32; 3] {
     let [first, second] = sobol2(index);
-    let mut third = 0;
-    let mut bits = index;
-    while bits != 0 {
-        third ^= THIRD[bits.trailing_zeros() as usize];
-        bits &= bits - 1;
-    }
-    [first, second, third]
+    [first, second, sobol(&THIRD, index)]
 }
 
-/// Direction numbers of the third dimension, from the primitive polynomial x^2 + x + 1 and the start m = 1, 3
-/// (Bratley and Fox 1988).
-const THIRD: [u32; 32] = {
+/// Point `index` of the dimension with these direction numbers.
+fn sobol(directions: &[u32; 32], index: u32) -> u32 {
+    let mut point = 0;
+    let mut bits = index;
+    while bits != 0 {
+        point ^= directions[bits.trailing_zeros() as usize];
+        bits &= bits - 1;
+    }
+    point
+}
+
+/// Direction numbers of the third dimension and of the two after it, from primitive polynomials (Bratley and Fox 1988)
+/// and starts (Joe and Kuo 2008).
+const THIRD: [u32; 32] = directions(1, [1, 3]);
+const FOURTH: [u32; 32] = directions(1, [1, 3, 1]);
+const FIFTH: [u32; 32] = directions(2, [1, 1, 1]);
+
+/// Direction numbers for a polynomial of degree D, whose inner coefficients are the bits of `inner`.
+const fn directions<const D: usize>(inner: u32, start: [u32; D]) -> [u32; 32] {
     let mut v = [0; 32];
-    v[0] = 1 << 31;
-    v[1] = 3 << 30;
-    let mut i = 2;
+    let mut i = 0;
     while i < 32 {
-        v[i] = v[i - 1] ^ v[i - 2] ^ (v[i - 2] >> 2);
+        if i < D {
+            v[i] = start[i] << (31 - i);
+        } else {
+            v[i] = v[i - D] ^ (v[i - D] >> D);
+            let mut k = 1;
+            while k < D {
+                if inner >> (D - 1 - k) & 1 == 1 {
+                    v[i] ^= v[i - k];
+                }
+                k += 1;
+            }
+        }
         i += 1;
     }
     v
-};
+}
 
 /// Owen-scrambles a 32-bit fraction: a random permutation at every node of the binary tree, chosen by `seed`.
 pub fn owen_scramble(fraction: u32, seed: u32) -> u32 {
@@ -103,6 +122,14 @@ pub fn pixel_offsets(n: u32, seed: u64) -> Vec<[f32; 2]> {
         }
     }
     offsets
+}
+
+/// Point `number` of a sequence in the unit cube, for a point on light `light`: Sobol' dimensions that places in the
+/// pixel do not take, scrambled for each light. Numbers rise with time, so each pair of a time and a coordinate is
+/// even, and so are those of rounds that follow each other.
+pub fn light_point(number: u32, seed: u64, light: u64) -> [f64; 3] {
+    let scrambled = |d: u64, directions| owen_scramble(sobol(directions, number), hash(seed, (light + 1) << 8 | d));
+    [scrambled(0, &THIRD), scrambled(1, &FOURTH), scrambled(2, &FIFTH)].map(|x| (f64::from(x) + 0.5) / 4_294_967_296.0)
 }
 
 /// exp(-2): what a Gaussian in two dimensions loses where it is cut at 2 standard deviations.

@@ -23,6 +23,8 @@ pub enum ShadingLight {
         towards: Vec3,
         /// Radiance.
         colour: Vec3,
+        /// Are there shadows in it?
+        shadows: bool,
     },
     /// Falls off with 1/distance^2.
     Point {
@@ -30,7 +32,16 @@ pub enum ShadingLight {
         position: Vec3,
         /// Radiance at distance 1.
         colour: Vec3,
+        /// Are there shadows in it?
+        shadows: bool,
     },
+}
+
+impl ShadingLight {
+    /// Are there shadows in it?
+    pub const fn has_shadows(&self) -> bool {
+        matches!(self, Self::Directional { shadows: true, .. } | Self::Point { shadows: true, .. })
+    }
 }
 
 /// Factors of the diffuse and of the specular term for a light from the unit direction `towards`, on a surface with
@@ -88,8 +99,8 @@ pub fn shade(lights: &[ShadingLight], material: &Material, colour: Vec3, normal:
                 out += material.ambient * colour * la;
                 continue;
             }
-            ShadingLight::Directional { towards, colour } => (towards.to_array(), colour),
-            ShadingLight::Point { position: at, colour } => {
+            ShadingLight::Directional { towards, colour, .. } => (towards.to_array(), colour),
+            ShadingLight::Point { position: at, colour, .. } => {
                 let (towards, falloff) = towards_point(at.to_array(), position.to_array());
                 (towards, colour * falloff)
             }
@@ -123,7 +134,7 @@ mod tests {
     }
 
     fn directional(travel: Vec3) -> ShadingLight {
-        ShadingLight::Directional { towards: -travel.normalize(), colour: WHITE }
+        ShadingLight::Directional { towards: -travel.normalize(), colour: WHITE, shadows: false }
     }
 
     #[test]
@@ -163,7 +174,7 @@ mod tests {
         let m = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
         let at = |height: f32| {
             let position = Vec3::new(0.0, 0.0, -3.0);
-            let light = ShadingLight::Point { position: position + height * Vec3::Y, colour: WHITE };
+            let light = ShadingLight::Point { position: position + height * Vec3::Y, colour: WHITE, shadows: false };
             shade(&[light], &m, WHITE, Vec3::Y, position).x
         };
         assert!((at(1.0) - 1.0).abs() < 1e-6);

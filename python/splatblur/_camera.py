@@ -269,15 +269,25 @@ class Light:
         kind: `directional`, `point` or `ambient`.
         place: The direction in which the light travels, or the position of the point.
         colour: Radiance, linear Rec.709; of a point that at distance 1.
+        size: Angle under which a directional light is seen, degrees; radius of the ball of a point. It softens shadows.
+        shadows: Do surfaces cast shadows in it?
     """
 
     kind: Literal["directional", "point", "ambient"]
     place: tuple[float, float, float]
     colour: tuple[float, float, float]
+    size: float = 0.0
+    shadows: bool = False
 
     @classmethod
     def directional(
-        cls, direction: npt.ArrayLike, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None
+        cls,
+        direction: npt.ArrayLike,
+        colour: npt.ArrayLike | None = None,
+        *,
+        angle: float = 0.5,
+        shadows: bool = False,
+        color: npt.ArrayLike | None = None,
     ) -> Light:
         """Light that travels along `direction`, (3,), from infinitely far. One number is a grey colour."""
         way = np.array(_arrays.three(direction, "direction"))
@@ -285,14 +295,22 @@ class Light:
         if not length > 0.0:
             raise invalid("direction", "0", "a direction")
         x, y, z = (float(part) for part in way / length)
-        return cls("directional", (x, y, z), _colour(colour, color))
+        size = _arrays.number(angle, "angle")
+        return cls("directional", (x, y, z), _colour(colour, color), size, _arrays.flag(shadows, "shadows"))
 
     @classmethod
     def point(
-        cls, position: npt.ArrayLike, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None
+        cls,
+        position: npt.ArrayLike,
+        colour: npt.ArrayLike | None = None,
+        *,
+        radius: float = 0.0,
+        shadows: bool = False,
+        color: npt.ArrayLike | None = None,
     ) -> Light:
         """A light at `position`, (3,), that falls off with the square of the distance."""
-        return cls("point", _arrays.three(position, "position"), _colour(colour, color))
+        place, size = _arrays.three(position, "position"), _arrays.number(radius, "radius")
+        return cls("point", place, _colour(colour, color), size, _arrays.flag(shadows, "shadows"))
 
     @classmethod
     def ambient(cls, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None) -> Light:

@@ -38,7 +38,7 @@ _Doubles = npt.NDArray[np.float64]
 _Three = tuple[float, float, float]
 _Lens = tuple[float, float, tuple[float, float]]
 _ShutterValues = tuple[float, float, str, float, str, str]
-_LightValues = tuple[str, _Three, _Three]
+_LightValues = tuple[str, _Three, _Three, float, bool]
 _SceneValues = tuple[str, tuple[int, int], _Three, bool, tuple[int, int], float, _ShutterValues, list[_LightValues]]
 
 @final

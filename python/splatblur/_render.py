@@ -25,12 +25,13 @@ def _choices(
     detail: str = "auto",
     two_sided: bool = False,
     epsilon: float | None = None,
+    shadows: bool = True,
     smooth: bool = False,
     **unknown: Any,
 ) -> dict[str, Any]:
     """The choices of a picture, as `_native` takes them; checked."""
     if unknown:
-        known = "seed, filter, prefilter, shading, detail, two_sided, epsilon, smooth"
+        known = "seed, filter, prefilter, shading, detail, two_sided, epsilon, shadows, smooth"
         raise TypeError(f"unexpected keyword argument {sorted(unknown)[0]!r} (there are: {known})")
     texts = {"mode": mode, "filter": filter, "prefilter": prefilter, "shading": shading, "detail": detail}
     for name, text in texts.items():
@@ -41,6 +42,7 @@ def _choices(
         "seed": _arrays.count(seed, "seed", 0, 2**64 - 1),
         "two_sided": _arrays.flag(two_sided, "two_sided"),
         "epsilon": None if epsilon is None else _arrays.number(epsilon, "epsilon"),
+        "shadows": _arrays.flag(shadows, "shadows"),
         "smooth": _arrays.flag(smooth, "smooth"),
     }
     _native.check_choices(choices)
@@ -153,7 +155,8 @@ class Renderer:
             cameras: Renders the frame once for each, and returns a list.
             look: `seed` (int), `filter` (`box`, `point`, `gaussian:0.5`), `prefilter` (`auto`, `ewa`, `approx`,
                 `none`), `shading` (`phong`, `gouraud`), `detail` (`auto`, `draft`, `good`, `final`, `full`),
-                `two_sided` (bool), `epsilon` (float), `smooth` (bool: a filter along the motion).
+                `two_sided` (bool), `epsilon` (float), `shadows` (bool), `smooth` (bool: a filter along the
+                motion).
 
         Returns:
             A `Frame`, or a list of them for `cameras`.
@@ -227,7 +230,7 @@ class Renderer:
             aovs: `alpha`, `depth`, `normal`, `velocity`, `samples`.
             error: Stops at this mean standard error, linear light; `samples` are the most then.
             progress: Shows a bar, where tqdm is installed.
-            look: `seed`, `filter`, `shading`, `two_sided`, `epsilon`, as in `render`.
+            look: `seed`, `filter`, `shading`, `two_sided`, `epsilon`, `shadows`, as in `render`.
 
         Returns:
             A `Frame` with its `standard_error`.

@@ -188,7 +188,9 @@ class Scene(Fixed):
                 "frames": self._frames,
                 "rate": rate,
                 "shutter": None if self.shutter == self._shutter_of_base else self.shutter._values(),
-                "lights": None if self.lights is None else [(l.kind, l.place, l.colour) for l in self.lights],
+                "lights": None if self.lights is None else [
+                    (l.kind, l.place, l.colour, l.size, l.shadows) for l in self.lights
+                ],
                 "camera": None if camera is None or same_camera else camera._native,
                 "environment": None if self.environment is None else self.environment._native,
             },

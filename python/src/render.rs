@@ -44,6 +44,7 @@ pub(crate) struct Choices {
     detail: String,
     two_sided: bool,
     epsilon: Option<f64>,
+    shadows: bool,
     smooth: bool,
 }
 
@@ -61,6 +62,7 @@ impl Choices {
             shading: word(py, "shading", &self.shading)?,
             two_sided: self.two_sided,
             epsilon: self.epsilon,
+            shadows: self.shadows,
             seed: self.seed,
             aovs,
         })

@@ -177,7 +177,7 @@ type ShutterValues = (f64, f64, String, f64, String, String);
 type SceneValues = (String, (u32, u32), [f64; 3], bool, (i64, i64), f64, ShutterValues, Vec<LightValues>);
 
 /// Kind (directional, point, ambient), direction or position, colour.
-type LightValues = (String, [f64; 3], [f64; 3]);
+type LightValues = (String, [f64; 3], [f64; 3], f64, bool);
 
 fn shutter(py: Python<'_>, (open, close, weight, duration, direction, anchor): ShutterValues) -> PyResult<Shutter> {
     let refused = |why: OptionError| refused(py, "weight", &weight, &why);
@@ -191,11 +191,11 @@ fn shutter(py: Python<'_>, (open, close, weight, duration, direction, anchor): S
     Ok(Shutter { open, close, weight, readout: Readout { duration, direction, anchor } })
 }
 
-fn light(py: Python<'_>, (kind, place, colour): LightValues) -> PyResult<Light> {
+fn light(py: Python<'_>, (kind, place, colour, size, shadows): LightValues) -> PyResult<Light> {
     let (place, colour) = (DVec3::from(place), DVec3::from(colour));
     match kind.as_str() {
-        "directional" => Ok(Light::Directional { direction: place, colour }),
-        "point" => Ok(Light::Point { position: place, colour }),
+        "directional" => Ok(Light::Directional { direction: place, colour, angle: size.to_radians(), shadows }),
+        "point" => Ok(Light::Point { position: place, colour, radius: size, shadows }),
         "ambient" => Ok(Light::Ambient { colour }),
         other => Err(invalid(py, "light", &format!("`{other}`"), "directional, point or ambient")),
     }
@@ -332,11 +332,15 @@ impl Scene {
             anchor.to_owned(),
         );
         let lights = scene.lights.iter().map(|light| match *light {
-            Light::Directional { direction, colour } => ("directional", direction, colour),
-            Light::Point { position, colour } => ("point", position, colour),
-            Light::Ambient { colour } => ("ambient", DVec3::ZERO, colour),
+            Light::Directional { direction, colour, angle, shadows } => {
+                ("directional", direction, colour, angle.to_degrees(), shadows)
+            }
+            Light::Point { position, colour, radius, shadows } => ("point", position, colour, radius, shadows),
+            Light::Ambient { colour } => ("ambient", DVec3::ZERO, colour, 0.0, false),
         });
-        let lights = lights.map(|(kind, place, colour)| (kind.to_owned(), place.to_array(), colour.to_array()));
+        let lights = lights.map(|(kind, place, colour, size, shadows)| {
+            (kind.to_owned(), place.to_array(), colour.to_array(), size, shadows)
+        });
         (
             scene.name.clone(),
             (image.width, image.height),

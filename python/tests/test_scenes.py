@@ -205,6 +205,22 @@ def test_scenes_are_pickled(renderer):
         assert np.array_equal(renderer.render(again, 3).rgba, renderer.render(scene, 3).rgba)
 
 
+def test_lights_have_shadows(renderer):
+    places = np.array([[x / 4, -1.2, z / 4] for x in range(-12, 13) for z in range(-12, 13)])
+    up = np.tile([0.0, 1.0, 0.0], (625, 1))
+    floor = sb.Points(places, normals=up, radii=np.full(625, 0.3), colors=np.full((625, 3), 0.5))
+    sun = sb.Light.directional((0.3, -1, -0.2), angle=1, shadows=True)
+    assert (sun.size, sun.shadows) == (1.0, True)
+    scene = sb.Scene([ball(), floor], camera=front(48, 36), lights=[sun])
+    lit = renderer.render(scene, mode="supersample:4", shadows=False).rgba
+    dark = renderer.render(scene, mode="supersample:4").rgba
+    assert (dark[..., :3] <= lit[..., :3] + 1e-3).all() and (lit - dark)[..., 0].max() > 0.2
+    again = pickle.loads(pickle.dumps(scene))
+    assert np.array_equal(renderer.render(again, mode="supersample:4").rgba, dark)
+    with pytest.raises(sb.SplatblurError):
+        renderer.render(scene, mode="volumetric:2")
+
+
 def test_models_are_loaded_by_path(renderer):
     models = SCENES / "models"
     scene = sb.Scene([sb.Object(models / "ball.ply", name="b"), models / "spot.sfl"], size=(48, 36))

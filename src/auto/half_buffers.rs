@@ -88,13 +88,21 @@ impl Round<'_> {
         let seed = interleave.seed_of(phase, options.look.seed);
         let fresh_positions = self.positions * (self.factor - 1).max(1);
         let offsets = options.look.filter.offsets(fresh_positions, seed);
+        // Points on lights go on where the rounds before ended.
+        let before = if self.factor > 1 { self.coarse * self.strata.count() } else { 0 };
         let mut positions: BTreeMap<usize, PositionExposure> = BTreeMap::new();
-        for (rank, (t, weight)) in of_half {
+        // The halves of a lattice take turns: each must have a run of points for itself.
+        let (of_lattice, first) = (interleave != Interleave::None, half * of_half.len() as u32);
+        for (n, (rank, (t, weight))) in (first..).zip(of_half) {
             let place = rank % offsets.len();
             let weight = if total > 0.0 { weight / total } else { 0.0 };
             let sample = TimeSample { time: scene.shutter.frame_time(number.get(), t), weight };
             let position = || PositionExposure { offset: offsets[place], groups: Vec::new() };
-            positions.entry(place).or_insert_with(position).groups.push(Group { samples: vec![sample], sweep: None });
+            positions.entry(place).or_insert_with(position).groups.push(Group {
+                samples: vec![sample],
+                sweep: None,
+                number: before + if of_lattice { n } else { rank as u32 },
+            });
         }
         let of_picture = if offsets.len() > 1 { self.positions * self.factor } else { 1 };
         (positions.into_values().collect(), of_picture as usize)

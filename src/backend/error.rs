@@ -48,6 +48,14 @@ pub enum BackendError {
          (`--readout 0`)"
     )]
     RollingShutter,
+    /// Something that has no shadows.
+    #[error("{what} no shadows: take {instead}, `shadows=\"false\"` in <light>, or leave all out (`--no-shadows`)")]
+    Shadows {
+        /// What has none, with its verb.
+        what: &'static str,
+        /// What has some.
+        instead: &'static str,
+    },
     /// Captures are composited over a background that is known at each instant.
     #[error(
         "object `{object}` is a capture with colours for the display, which cannot be composited over an environment: \

@@ -129,6 +129,9 @@ pub(super) struct Surfaces {
     /// Show back faces, with their normals turned to the viewer.
     #[arg(long, help_heading = "Surfaces")]
     pub(super) two_sided: bool,
+    /// Leave shadows out.
+    #[arg(long, help_heading = "Surfaces")]
+    pub(super) no_shadows: bool,
     /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat
     /// radius].
     #[arg(
@@ -149,6 +152,7 @@ impl Surfaces {
             shading: self.shading,
             two_sided: self.two_sided,
             epsilon: self.epsilon,
+            shadows: !self.no_shadows,
             seed: sampling.seed,
             aovs,
         }

@@ -22,6 +22,7 @@ use crate::model::{Gaussians, Material};
 use crate::options::{Normalise, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Group, PosedInterval, PositionExposure, Published, Scenery, Step, TimeSample};
 use crate::scene::{Drawing, GaussianModel, Light, Object, Scene, Shape, SurfelModel};
+use crate::shading::ShadingLight;
 
 pub use self::blocks::Blocks;
 pub use self::panorama::Panorama;
@@ -163,7 +164,8 @@ impl Frame {
         let samples = self.samples_of_a_group();
         debug_assert!(self.groups().all(|group| group.samples.len() == samples), "groups of one size");
         let scenery = Scenery {
-            has_rest: self.has_static() && self.has_one_view(),
+            // Shadows move over what rests.
+            has_rest: self.has_static() && self.has_one_view() && !self.has_shadows(),
             low_pass: self.prefilter == Prefilter::Approx,
             see_through: self.has_see_through(),
             transparent: self.blending.is_some(),
@@ -265,6 +267,11 @@ impl Frame {
     /// Whether any step of opaque surfels needs the factors that normalise the kernels of a model.
     pub fn normalises(&self) -> bool {
         self.has_filtered_kernels() || self.steps().any(|step| matches!(step, Step::Sweep { .. }))
+    }
+
+    /// Are there shadows in any light?
+    pub fn has_shadows(&self) -> bool {
+        self.all_samples().next().is_some_and(|sample| sample.lights.iter().any(ShadingLight::has_shadows))
     }
 
     /// Whether light passes through the surfels of any object.

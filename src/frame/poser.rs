@@ -7,6 +7,7 @@ use crate::model::Optics;
 use crate::model::paths::{Elapsed, elapsed};
 use crate::options::RenderOptions;
 use crate::plan::{Interval, PosedInterval};
+use crate::sampling::light_point;
 use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
@@ -26,6 +27,8 @@ pub struct PosedSample {
     pub world_from_camera: Mat3,
     /// Lights, relative to the eye.
     pub lights: Vec<ShadingLight>,
+    /// Number of its points on lights, with what differs between classes of pixels.
+    pub number: u64,
     /// One per entry of `Frame::objects`.
     pub objects: Vec<PosedObject>,
 }
@@ -141,8 +144,9 @@ pub(super) struct Poser<'a> {
 }
 
 impl Poser<'_> {
-    /// The scene at `time`, which has share `weight` of the exposure; over `span`, if it stands for one.
-    pub(super) fn sample(&self, time: f64, weight: f64, span: Option<&Span>) -> PosedSample {
+    /// The scene at `time`, which has share `weight` of the exposure; over `span`, if it stands for one. `lit`: number
+    /// and seed of its points on lights.
+    pub(super) fn sample(&self, time: f64, weight: f64, span: Option<&Span>, lit: (u32, u64)) -> PosedSample {
         let camera = camera_from_world(self.scene, time);
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let eye = -(world_from_camera * camera.w_axis.truncate());
@@ -150,9 +154,20 @@ impl Poser<'_> {
             time,
             weight: weight as f32,
             world_from_camera: world_from_camera.as_mat3(),
-            lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
+            lights: self.lights(eye, lit),
+            number: u64::from(lit.0) ^ lit.1,
             objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, span)).collect(),
         }
+    }
+
+    /// The lights before `eye`, each at a point of its own where it has shadows.
+    fn lights(&self, eye: DVec3, (number, seed): (u32, u64)) -> Vec<ShadingLight> {
+        let light = |(index, light): (u64, &Light)| {
+            let shadows = self.options.look.shadows && light.has_shadows();
+            let point = shadows.then(|| light_point(number, seed, index));
+            shading_light(light, eye, point)
+        };
+        (0..).zip(&self.scene.lights).map(light).collect()
     }
 
     /// Camera-from-model transform (the model relative to its origin) at scene time `time`.
@@ -357,14 +372,37 @@ fn normal_matrix(m: &DMat3, unit: &DMat3) -> DMat3 {
     if size > 0.0 { cofactors(m) * (sign / size) } else { cofactors(m) }
 }
 
-fn shading_light(light: &Light, eye: DVec3) -> ShadingLight {
+/// A light as shaders see it. `point`: in the unit cube, where the light has shadows; then it shines from there.
+fn shading_light(light: &Light, eye: DVec3, point: Option<[f64; 3]>) -> ShadingLight {
+    let shadows = point.is_some();
     match *light {
         Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
-        Light::Directional { direction, colour } => {
-            ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3() }
+        Light::Directional { direction, colour, angle, .. } => {
+            let towards = point.map_or(-direction, |point| in_cone(-direction, angle, point));
+            ShadingLight::Directional { towards: towards.as_vec3(), colour: colour.as_vec3(), shadows }
         }
-        Light::Point { position, colour } => {
-            ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3() }
+        Light::Point { position, colour, radius, .. } => {
+            let position = position + point.map_or(DVec3::ZERO, |point| in_ball(point) * radius);
+            ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3(), shadows }
         }
     }
+}
+
+/// A direction at most half of `angle` away from the unit vector `axis`: equal solid angles for equal areas of the unit
+/// square.
+fn in_cone(axis: DVec3, angle: f64, [a, b, _]: [f64; 3]) -> DVec3 {
+    // 1 - cos t = 2 sin^2(t / 2), which keeps its digits where t is small.
+    let half = a.sqrt() * libm::sin(0.25 * angle);
+    let (cosine, sine) = (1.0 - 2.0 * half * half, 2.0 * half * (1.0 - half * half).sqrt());
+    let (u, v) = axis.any_orthonormal_pair();
+    let turn = std::f64::consts::TAU * b;
+    axis * cosine + (u * libm::cos(turn) + v * libm::sin(turn)) * sine
+}
+
+/// A point of the unit ball with density 1 / sqrt(1 - r^2), as three parts of a unit quaternion have it that is drawn
+/// evenly (Shoemake 1992): from everywhere it is seen as an even disc.
+fn in_ball([a, b, c]: [f64; 3]) -> DVec3 {
+    let (first, second) = ((1.0 - a).sqrt(), a.sqrt());
+    let [b, c] = [b, c].map(|turn| std::f64::consts::TAU * turn);
+    DVec3::new(first * libm::sin(b), first * libm::cos(b), second * libm::sin(c))
 }

@@ -135,7 +135,9 @@ impl<'a> Posing<'a> {
             if stop.is_set() {
                 break;
             }
-            let groups = position.groups.iter().map(|group| self.group(group, strip, raster.size)).collect();
+            let seed = self.poser.options.look.seed ^ u64::from(exposed.phase[1] << 16 | exposed.phase[0]) << 32;
+            let group = |group: &Group| self.group(group, strip, raster.size, seed);
+            let groups = position.groups.iter().map(group).collect();
             let offset = position.offset.map(|share| share * spread);
             positions.push(Position { raster: raster.at(offset, self.exposure.stride), groups, steps: Vec::new() });
         }
@@ -158,14 +160,14 @@ impl<'a> Posing<'a> {
         whole.apron().max(peeled) as u32
     }
 
-    /// A group on a raster of `size` pixels.
-    fn group(&self, group: &Group, strip: Option<&PosedStrip>, size: [u32; 2]) -> PosedGroup {
+    /// A group on a raster of `size` pixels. `seed`: of points on lights.
+    fn group(&self, group: &Group, strip: Option<&PosedStrip>, size: [u32; 2], seed: u64) -> PosedGroup {
         let interval = group.sweep.map(|(interval, _)| interval);
         let pose = |sample: &TimeSample| {
             let time = sample.time + strip.map_or(0.0, |strip| strip.delay);
             let span = interval.as_ref().map(Span::swept);
             let span = span.or_else(|| strip.and_then(|strip| Span::read_out(time, strip.half)));
-            self.poser.sample(time, sample.weight, span.as_ref())
+            self.poser.sample(time, sample.weight, span.as_ref(), (group.number, seed))
         };
         let samples: Vec<PosedSample> = group.samples.iter().map(pose).collect();
         let sweep = group.sweep.map(|(interval, kernel)| (self.poser.interval(&interval, &samples, size), kernel));

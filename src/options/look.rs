@@ -26,7 +26,9 @@ pub struct Look {
     pub two_sided: bool,
     /// Depth tolerance of visibility for all objects, scene units, 0 to 1e30. `None`: the scene's.
     pub epsilon: Option<f64>,
-    /// Seed of sub-pixel offsets and of random times. Default: 1.
+    /// Show the shadows of lights that have them. Without, lights are points or directions. Default: true.
+    pub shadows: bool,
+    /// Seed of sub-pixel offsets, of random times and of points on lights. Default: 1.
     pub seed: u64,
     /// Extra channels, in the order of [`Aov::LAYERS`], each at most once. Default: none. A reference cannot make
     /// [`Aov::LodError`] and [`Aov::Object`], and it always has [`Aov::Error`].
@@ -40,6 +42,7 @@ impl Default for Look {
             shading: Shading::Phong,
             two_sided: false,
             epsilon: None,
+            shadows: true,
             seed: 1,
             aovs: Vec::new(),
         }

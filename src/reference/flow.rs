@@ -16,8 +16,9 @@ use super::gaussians::veil::{Taken, Veil};
 use super::layers::Surfaces;
 use super::options::ReferenceOptions;
 use super::posed::{Body, BodyPose, CameraPose, World};
-use super::trace::{SPHERE, SamplePoint, Target, Tracer};
-use super::traverse::Hit;
+use super::sampler::LightNumbers;
+use super::trace::{SamplePoint, Target, Tracer};
+use super::traverse::{Hit, SPHERE};
 use crate::options::{Look, PixelFilter};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
@@ -54,7 +55,7 @@ pub fn flows(
     options: &ReferenceOptions,
 ) -> Result<Vec<Flow>, ReferenceError> {
     let options = ReferenceOptions {
-        look: Look { filter: PixelFilter::Point, aovs: Vec::new(), ..options.look.clone() },
+        look: Look { filter: PixelFilter::Point, shadows: false, aovs: Vec::new(), ..options.look.clone() },
         ..options.clone()
     };
     let (frame, scene) = options.enter(scene, frame.into())?;
@@ -151,7 +152,9 @@ impl<'w, 'a> Follower<'w, 'a> {
         let axis = shutter.readout.direction.axis();
         let rolls = shutter.readout.rolls();
         let delay = if rolls { shutter.readout.delay(film[axis] / f64::from(self.world.size[axis])) } else { 0.0 };
-        (film, shutter.frame_time(self.frame, share) + delay)
+        // Shadows are left out here.
+        let lights = LightNumbers::default();
+        SamplePoint { film, time: shutter.frame_time(self.frame, share) + delay, lights }
     }
 
     /// As [`Self::land`], at a share of the shutter. The time is that of the row on which the point lands, which is
@@ -160,9 +163,9 @@ impl<'w, 'a> Follower<'w, 'a> {
         /// Tries, and how near two of them must be, pixels.
         const TRIES: u32 = 64;
         const NEAR: f64 = 1e-7;
-        let mut film = from.0;
+        let mut film = from.film;
         for _ in 0..TRIES {
-            let landed = self.land(point, from.1, self.at(film, share).1)?;
+            let landed = self.land(point, from.time, self.at(film, share).time)?;
             let apart = (0..2).map(|axis| (landed.0[axis] - film[axis]).abs()).fold(0.0, f64::max);
             if apart < NEAR || !self.world.scene.shutter.readout.rolls() {
                 return Some(landed);
@@ -187,7 +190,7 @@ impl<'w, 'a> Follower<'w, 'a> {
         let visible = inside && (faces || two_sided) && {
             self.trace(to);
             // Opaque surfaces hide it behind the limit of its own object.
-            let epsilon = at_time(self.world, body, to.1).map_or(0.0, |(_, pose)| pose.epsilon);
+            let epsilon = at_time(self.world, body, to.time).map_or(0.0, |(_, pose)| pose.epsilon);
             let limit = |event: &&Event| match event.what {
                 What::Opaque => self.tracer.limit(0, epsilon, depth),
                 What::Layer(..) | What::Gaussian(..) => event.limit,
@@ -200,7 +203,7 @@ impl<'w, 'a> Follower<'w, 'a> {
 
     /// Lists what the ray through a point meets.
     fn trace(&mut self, point: SamplePoint) {
-        let pixel = [0, 1].map(|axis| (point.0[axis].max(0.0) as usize).min(self.world.size[axis] as usize - 1));
+        let pixel = [0, 1].map(|axis| (point.film[axis].max(0.0) as usize).min(self.world.size[axis] as usize - 1));
         self.cones.candidates(self.world, pixel, [1, 1], &mut self.candidates);
         self.tracer.hits(&[point], &self.candidates, self.cones);
         self.surfaces.clear();
@@ -219,14 +222,14 @@ impl<'w, 'a> Follower<'w, 'a> {
         for layer in self.surfaces.layers(0) {
             // As light meets them: a Gaussian at the limit of a layer is before it.
             while let Some(gaussian) = taken.next_if(|gaussian| gaussian.depth <= layer.limit) {
-                self.events.push(self.gaussian(&gaussian, point.1));
+                self.events.push(self.gaussian(&gaussian, point.time));
             }
             let what = What::Layer(begin, layer.limit);
             self.events.push(Event { what, opacity: layer.opacity, limit: layer.limit });
             begin = layer.limit;
         }
         for gaussian in taken {
-            self.events.push(self.gaussian(&gaussian, point.1));
+            self.events.push(self.gaussian(&gaussian, point.time));
         }
         if opaque {
             self.events.push(Event { what: What::Opaque, opacity: 1.0, limit });
@@ -246,7 +249,7 @@ impl<'w, 'a> Follower<'w, 'a> {
     }
 
     /// The point that the last ray, through `at`, shows; `hits` are all that it met.
-    fn point<'h>(&self, (film, time): SamplePoint, hits: &'h [Hit]) -> Option<Point<'h>> {
+    fn point<'h>(&self, SamplePoint { film, time, .. }: SamplePoint, hits: &'h [Hit]) -> Option<Point<'h>> {
         let world = self.world;
         let mut through = 1.0;
         let event = self.events.iter().find(|event| {

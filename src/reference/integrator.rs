@@ -10,7 +10,7 @@ use super::cull::{Candidates, ObjectCones};
 use super::gaussians::veil::Veil;
 use super::layers::Surfaces;
 use super::posed::World;
-use super::sampler::{Points, SCRAMBLINGS};
+use super::sampler::{LightNumbers, Points, SCRAMBLINGS};
 use super::sums::{NO_RANGE, PixelSums, Range, Sums, widen};
 use super::trace::{SamplePoint, Seen, Tracer};
 use super::warp::TimeWarp;
@@ -132,7 +132,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
 
     /// What a covered sample takes off the mean background, and would not take off its own: the difference, times the
     /// coverage. Without it a camera that turns would show the mean beside what covers only a part of the exposure.
-    fn own_background(&self, seen: &Seen, &(film, time): &SamplePoint, pixel: usize) -> DVec3 {
+    fn own_background(&self, seen: &Seen, &SamplePoint { film, time, .. }: &SamplePoint, pixel: usize) -> DVec3 {
         let Some(environment) = self.world.scene.panorama() else { return DVec3::ZERO };
         (self.backdrop.at(pixel) - self.world.behind(environment, film, time)) * seen.coverage
     }
@@ -162,8 +162,8 @@ impl<'w, 'a> Integrator<'w, 'a> {
                 for k in range.clone() {
                     for (r, scrambling) in scrambled.iter().enumerate() {
                         let in_cube = scrambling.at(k);
-                        let point = self.sample_point(at, in_cube);
-                        if tile.candidates.any >> self.cones.subinterval(point.1) & 1 == 1 {
+                        let point = self.sample_point(at, in_cube, scrambling.lights(k));
+                        if tile.candidates.any >> self.cones.subinterval(point.time) & 1 == 1 {
                             let pixel = (y * width + left + x) as u32;
                             tile.samples.push(PlacedSample {
                                 point,
@@ -183,15 +183,15 @@ impl<'w, 'a> Integrator<'w, 'a> {
         u64::from(y) * u64::from(self.world.size[0]) + u64::from(x)
     }
 
-    /// Film point (pixels) and scene time (frames) of a point of the unit cube.
-    pub(super) fn sample_point(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> SamplePoint {
+    /// Where and when the sample looks that has a point of the unit cube, and these points on lights.
+    pub(super) fn sample_point(&self, pixel: [u32; 2], [u, v, share]: [f64; 3], lights: LightNumbers) -> SamplePoint {
         let [u, v] = match self.world.options.look.filter {
             PixelFilter::Box => [u, v],
             PixelFilter::Point => [0.5, 0.5],
             PixelFilter::Gaussian { sigma } => gaussian_offset([u, v]).map(|offset| 0.5 + sigma * offset),
         };
         let time = self.world.time(self.frame, pixel, self.warp.time(share));
-        ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)
+        SamplePoint { film: [f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time, lights }
     }
 }
 

@@ -292,11 +292,11 @@ impl<'a> World<'a> {
         out.clear();
         out.extend(self.scene.lights.iter().map(|light| match *light {
             Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
-            Light::Directional { direction, colour } => {
-                ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3() }
+            Light::Directional { direction, colour, .. } => {
+                ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3(), shadows: false }
             }
-            Light::Point { position, colour } => {
-                ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3() }
+            Light::Point { position, colour, .. } => {
+                ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3(), shadows: false }
             }
         }));
     }

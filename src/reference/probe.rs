@@ -13,7 +13,7 @@ use super::options::ReferenceOptions;
 use super::posed::{Form, World};
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
-use super::trace::{HitPoint, Tracer};
+use super::trace::{HitPoint, SamplePoint, Tracer};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -151,17 +151,18 @@ pub fn probe(
         let points = Points::new(options.sampler, options.look.seed, k, k + 1, each);
         let of_pixel = points.pixel(integrator.number(pixel));
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
-        let (film, time) = integrator.sample_point(pixel, scrambling.at(k));
+        let point = integrator.sample_point(pixel, scrambling.at(k), scrambling.lights(k));
         let mut candidates = Candidates::default();
         integrator.cones.candidates(&world, pixel.map(|c| c as usize), [1, 1], &mut candidates);
         let mut tracer = Tracer::new(&world);
-        tracer.hits(&[(film, time)], &candidates, &integrator.cones);
-        look(&world, &mut tracer, number, film, time)
+        tracer.hits(&[point], &candidates, &integrator.cones);
+        look(&world, &mut tracer, number, point)
     });
     Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
 }
 
-fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64; 2], time: f64) -> Sample {
+fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, point: SamplePoint) -> Sample {
+    let SamplePoint { film, time, .. } = point;
     let camera = world.camera(time);
     let direction = world.direction(film);
     let limit = tracer.found[0].limit;
@@ -197,7 +198,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
     if world.is_see_through() {
         let mut veil = Veil::new(world);
         veil.taken = Some(taken);
-        veil.composite(&[(film, time)], &mut surfaces);
+        veil.composite(&[point], &mut surfaces);
         taken = veil.taken.unwrap_or_default();
     }
     let seen = surfaces.opaque[0].filter(|seen| seen.coverage > 0.0);

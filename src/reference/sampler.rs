@@ -67,6 +67,17 @@ pub(super) struct Scrambled<'a> {
     scrambles: [u32; 3],
 }
 
+/// What the points of one sample on lights follow from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct LightNumbers {
+    /// Seed of its scrambling.
+    seed: u64,
+    /// Number of the sample in the scrambling.
+    k: u32,
+    /// The numbers are random ones.
+    random: bool,
+}
+
 impl Points {
     /// Makes the points `first`..`end` of each scrambling, of `total` that there will be.
     pub(super) fn new(sampler: Sampler, seed: u64, first: u64, end: u64, total: u64) -> Self {
@@ -106,6 +117,11 @@ impl Scrambled<'_> {
         }
     }
 
+    /// What gives point `k` its points on lights.
+    pub(super) fn lights(&self, k: u64) -> LightNumbers {
+        LightNumbers { seed: self.seed, k: k as u32, random: self.points.sampler == Sampler::Random }
+    }
+
     fn jittered(&self, k: u64, density: u64) -> [f64; 3] {
         let side = self.points.side;
         let times = self.points.total / (side * side);
@@ -119,6 +135,23 @@ impl Scrambled<'_> {
             ((position / side) as f64 + jitter(2, position)) / side as f64,
             (cell as f64 + jitter(3, cell)) / cells as f64,
         ]
+    }
+}
+
+impl LightNumbers {
+    /// A point of the unit cube for light number `light`, each coordinate in (0, 1).
+    ///
+    /// They are Sobol' points, and each light has an Owen scramble of its own and an order of its own. The order is a
+    /// nested uniform shuffle (Burley 2020): the first 2^m samples have some 2^m points in a row, which are a net. So
+    /// the points of a light are even, and know nothing of positions, times and other lights.
+    pub(super) fn at(self, light: u64) -> [f64; 3] {
+        // Positions and times use lower streams.
+        let seed = pair(self.seed, 1 << 45 | light);
+        if self.random {
+            return [0, 1, 2].map(|d| fraction(hash(seed, 3 * u64::from(self.k) + d)));
+        }
+        let [a, b, c] = sobol3(owen_scramble(self.k, hash(seed, 3)));
+        [(a, 0), (b, 1), (c, 2)].map(|(x, d)| fraction(owen_scramble(x, hash(seed, d))))
     }
 }
 
@@ -268,6 +301,36 @@ mod tests {
             let mut order: Vec<u64> = (0..n).map(|i| permute(i, n, 5)).collect();
             order.sort_unstable();
             assert_eq!(order, (0..n).collect::<Vec<_>>());
+        }
+    }
+
+    /// Each run of 2^m samples has one point on a light in each elementary box of the first two coordinates. Lights,
+    /// pixels and scramblings have points of their own.
+    #[test]
+    fn points_on_lights_are_nets() {
+        let points = |sampler, pixel, r, light| -> Vec<[f64; 3]> {
+            let points = Points::new(sampler, 1, 0, 64, 64);
+            let scrambling = points.pixel(pixel).scrambling(r);
+            (0..64).map(|k| scrambling.lights(k).at(light)).collect()
+        };
+        for light in [0, 1, 7] {
+            let of_light = points(Sampler::Sobol, 5, 3, light);
+            for run in of_light.chunks(16) {
+                for a in 0..=4 {
+                    let mut seen = [0; 16];
+                    for [x, y, _] in run {
+                        let cell = |v: f64, bits: u32| (v * f64::from(1_u32 << bits)) as usize;
+                        seen[cell(*x, a) << (4 - a) | cell(*y, 4 - a)] += 1;
+                    }
+                    assert_eq!(seen, [1; 16], "light {light}, {a}");
+                }
+            }
+            for (pixel, r, other) in [(6, 3, light), (5, 4, light), (5, 3, light + 1)] {
+                assert_ne!(of_light, points(Sampler::Sobol, pixel, r, other));
+            }
+            let random = points(Sampler::Random, 5, 3, light);
+            assert!(random.iter().flatten().all(|v| *v > 0.0 && *v < 1.0));
+            assert_ne!(of_light, random);
         }
     }
 }

@@ -10,13 +10,14 @@ use glam::{DVec2, DVec3, Vec3};
 use super::boxes::PACKET;
 use super::cull::{Candidates, ObjectCones};
 use super::posed::{Body, BodyPose, CameraPose, Form, World};
-use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, traverse};
+use super::sampler::LightNumbers;
+use super::shadows::{Receiver, Shadows};
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, intersect_sphere, traverse};
 use crate::film::Aov;
 use crate::model::Material;
 use crate::model::mesh::SurfacePoint;
 use crate::model::paths::Elapsed;
 use crate::options::Shading;
-use crate::scene::Sphere;
 use crate::scene::pose::object_velocity;
 use crate::shading::{ShadingLight, shade};
 
@@ -53,8 +54,16 @@ pub(super) struct Target {
     pub elapsed: Elapsed<f64>,
 }
 
-/// A film point (pixels) and a scene time (frames).
-pub(super) type SamplePoint = ([f64; 2], f64);
+/// Where and when a sample looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SamplePoint {
+    /// Film point, pixels.
+    pub film: [f64; 2],
+    /// Scene time, frames.
+    pub time: f64,
+    /// What its points on lights follow from.
+    pub lights: LightNumbers,
+}
 
 /// Traces samples on one thread. Up to [`PACKET`] of them go together, each in a lane.
 #[derive(Debug)]
@@ -68,6 +77,8 @@ pub(super) struct Tracer<'w, 'a> {
     rays: Vec<ModelRay>,
     stack: Vec<Waiting>,
     lights: Vec<ShadingLight>,
+    /// Present where any light has shadows.
+    shadows: Option<Shadows<'w, 'a>>,
 }
 
 /// The view of a lane's sample.
@@ -77,10 +88,8 @@ struct LaneView {
     /// Direction of depth 1 in camera space.
     direction: DVec3,
     time: f64,
+    lights: LightNumbers,
 }
-
-/// Number in the hits of an ideal sphere.
-pub(super) const SPHERE: u32 = u32::MAX;
 
 impl<'w, 'a> Tracer<'w, 'a> {
     pub(super) fn new(world: &'w World<'a>) -> Self {
@@ -94,6 +103,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             rays: Vec::new(),
             stack: Vec::new(),
             lights,
+            shadows: Shadows::new(world),
         }
     }
 
@@ -101,10 +111,11 @@ impl<'w, 'a> Tracer<'w, 'a> {
     pub(super) fn hits(&mut self, points: &[SamplePoint], candidates: &Candidates, cones: &ObjectCones) {
         let world = self.world;
         self.views.clear();
-        self.views.extend(points.iter().map(|&(film, time)| LaneView {
+        self.views.extend(points.iter().map(|&SamplePoint { film, time, lights }| LaneView {
             camera: world.camera(time),
             direction: world.direction(film),
             time,
+            lights,
         }));
         self.found.iter_mut().for_each(Found::clear);
         self.meet(candidates, cones, false);
@@ -183,21 +194,26 @@ impl<'w, 'a> Tracer<'w, 'a> {
     pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
         let mut hits = std::mem::take(&mut self.found[lane].hits);
         hits.retain(|hit| self.shows(lane, hit));
-        let seen = self.surface(lane, &mut hits);
+        let seen = self.surface(lane, &mut hits, true);
         self.found[lane].hits = hits;
         seen
     }
 
-    /// One surface of a lane: the weighted mean of `hits`, shaded; `None` without hits. The hits are sorted.
-    pub(super) fn surface(&mut self, lane: usize, hits: &mut [Hit]) -> Option<Seen> {
+    /// One surface of a lane: the weighted mean of `hits`, shaded; `None` without hits. The hits are sorted. Shadows
+    /// fall on it if it `receives` them.
+    pub(super) fn surface(&mut self, lane: usize, hits: &mut [Hit], receives: bool) -> Option<Seen> {
         if hits.is_empty() {
             return None;
         }
         hits.sort_unstable_by_key(|hit| (hit.object, hit.element));
-        let LaneView { camera, direction, time } = self.views[lane];
+        let LaneView { camera, direction, time, lights } = self.views[lane];
         let direction = camera.world_from_camera * direction;
         if !self.world.fixed_lights() {
             self.world.lights(camera.eye, &mut self.lights);
+        }
+        let mut shadows = if receives { self.shadows.take() } else { None };
+        if let Some(shadows) = &mut shadows {
+            shadows.begin(camera.eye, time, lights);
         }
         let (mut weight, mut colour, mut normal, mut depth) = (0.0, DVec3::ZERO, DVec3::ZERO, 0.0);
         let (mut material, mut velocity, mut reflection) = ([0.0; 4], DVec2::ZERO, 0.0);
@@ -209,10 +225,14 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let c = match self.world.options.look.shading {
                 Shading::Phong => surface.colour,
                 Shading::Gouraud => {
-                    let position = (surface.centre(target) - target.eye).as_vec3();
-                    let lit =
-                        shade(&self.lights, &surface.material, surface.colour, surface.normal.as_vec3(), position);
-                    let mirrors = self.mirrored(body.surface.reflection, surface.normal, position.as_dvec3());
+                    let (place, normal, eye) = (surface.centre(target), surface.normal, target.eye);
+                    let position = (place - eye).as_vec3();
+                    let lights = match &mut shadows {
+                        Some(shadows) => shadows.reaching(&Receiver { place, normal, eye, own: hit.object, hits }),
+                        None => &self.lights,
+                    };
+                    let lit = shade(lights, &surface.material, surface.colour, normal.as_vec3(), position);
+                    let mirrors = self.mirrored(body.surface.reflection, normal, position.as_dvec3());
                     lit + mirrors.as_vec3()
                 }
             };
@@ -235,8 +255,18 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let [ambient, diffuse, specular, shininess] = material.map(|sum| (sum * over) as f32);
             let material = Material { ambient, diffuse, specular, shininess };
             let position = (direction * depth).as_vec3();
-            colour = shade(&self.lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3()
+            let leading = leading(hits).and_then(|hit| Some((hit.object, self.target(lane, hit)?)));
+            let lights = match (&mut shadows, leading) {
+                (Some(shadows), Some((own, &Target { eye, direction, .. }))) => {
+                    shadows.reaching(&Receiver { place: eye + direction * depth, normal, eye, own, hits })
+                }
+                _ => &self.lights,
+            };
+            colour = shade(lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3()
                 + self.mirrored(reflection * over, normal, direction);
+        }
+        if receives {
+            self.shadows = shadows;
         }
         Some(Seen { colour, coverage: 1.0, depth, normal, velocity: velocity * over })
     }
@@ -279,6 +309,13 @@ impl<'w, 'a> Tracer<'w, 'a> {
         let (dx, dy, dd) = (world.focal * v.x, -world.focal * v.y, -v.z);
         DVec2::new((dx - x / d * dd) / d, (dy - y / d * dd) / d)
     }
+}
+
+/// A hit of the object that has the largest share of a surface. The hits are sorted by objects.
+fn leading(hits: &[Hit]) -> Option<&Hit> {
+    let share = |hits: &[Hit]| hits.iter().map(Hit::weight).sum::<f64>();
+    let objects = hits.chunk_by(|a, b| a.object == b.object);
+    objects.max_by(|a, b| share(a).total_cmp(&share(b)))?.first()
 }
 
 impl Hit {
@@ -335,25 +372,6 @@ impl HitPoint {
             model,
             own_velocity,
             material: body.material(hit.element as usize),
-        }
-    }
-}
-
-/// Intersects the ideal sphere about the model's origin. A hit has the kernel's peak as weight. The sphere is seen from
-/// outside and, if it is two-sided, also from inside.
-fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
-    let d2 = ray.direction.length_squared();
-    let middle = -ray.origin.dot(ray.direction) / d2;
-    let closest = ray.origin + ray.direction * middle;
-    let half2 = (sphere.radius * sphere.radius - closest.length_squared()) / d2;
-    if !(0.0..f64::INFINITY).contains(&half2) {
-        return;
-    }
-    let half = half2.sqrt();
-    for (depth, back) in [(middle - half, false), (middle + half, true)] {
-        if depth >= ray.near && depth <= found.limit && (!back || ray.two_sided) {
-            found.hits.push(Hit { object: ray.object, element: SPHERE, depth, u: 0.0, v: 0.0, back, is_even: true });
-            found.limit = found.limit.min(depth + ray.epsilon.max(LEAST_EPSILON * depth));
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Finds the surfels or triangles of a model that rays hit. Boxes are tested in f32, padded so that nothing is missed;
-//! surfels and triangles are tested in f64.
+//! Finds the surfels or triangles of a model that rays hit, or an ideal sphere. Boxes are tested in f32, padded so
+//! that nothing is missed; what they hold is tested in f64.
 //!
 //! A ray's direction is scaled so that its parameter is camera depth. Transforms are affine, so this holds in model
 //! space too: depths from different objects compare without any conversion.
@@ -15,6 +15,7 @@ use super::boxes::{Beam, BoxRays, PACKET, above, below, enter_beam, enter_rays};
 use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, Rates, WIDTH};
 use crate::model::mesh::MeshSurface;
 use crate::model::paths::Elapsed;
+use crate::scene::Sphere;
 
 /// Smallest depth tolerance as a share of the depth: 4 units in the last place of f32, as in the splatter
 /// (docs/math.md, eq. 5).
@@ -40,6 +41,9 @@ pub(super) struct ModelRay {
 
 /// How far a triangle reaches beyond its edges, in weights of its corners, so that edges in f32 leave no gaps between.
 const BEYOND: f64 = 1e-6;
+
+/// Number in the hits of an ideal sphere.
+pub(super) const SPHERE: u32 = u32::MAX;
 
 /// A surfel or a triangle that a ray hits.
 #[derive(Clone, Copy, Debug)]
@@ -102,6 +106,25 @@ pub(super) fn traverse(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack:
         }
     }
     traverse_body(bvh, rays, found, stack, enter_beam, enter_rays);
+}
+
+/// Intersects the ideal sphere about the model's origin. A hit has the kernel's peak as weight. The sphere is seen from
+/// outside and, if it is two-sided, also from inside.
+pub(super) fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
+    let d2 = ray.direction.length_squared();
+    let middle = -ray.origin.dot(ray.direction) / d2;
+    let closest = ray.origin + ray.direction * middle;
+    let half2 = (sphere.radius * sphere.radius - closest.length_squared()) / d2;
+    if !(0.0..f64::INFINITY).contains(&half2) {
+        return;
+    }
+    let half = half2.sqrt();
+    for (depth, back) in [(middle - half, false), (middle + half, true)] {
+        if depth >= ray.near && depth <= found.limit && (!back || ray.two_sided) {
+            found.hits.push(Hit { object: ray.object, element: SPHERE, depth, u: 0.0, v: 0.0, back, is_even: true });
+            found.limit = found.limit.min(depth + ray.epsilon.max(LEAST_EPSILON * depth));
+        }
+    }
 }
 
 /// A child that still has to be visited.

@@ -136,7 +136,7 @@ fn range(
 pub(crate) fn lights() -> Vec<Light> {
     let direction = DVec3::new(-0.5, -1.0, -0.8);
     vec![
-        Light::Directional { direction: direction / direction.length(), colour: DVec3::splat(0.9) },
+        Light::directional(direction / direction.length(), DVec3::splat(0.9)),
         Light::Ambient { colour: DVec3::splat(0.3) },
     ]
 }

@@ -107,12 +107,14 @@ fn check_motions(motions: &[Motion]) -> Result<(), Invalid> {
 impl Light {
     fn check(&self) -> Result<(), Invalid> {
         let colour = match *self {
-            Self::Directional { direction, colour } => {
+            Self::Directional { direction, colour, angle, .. } => {
                 limits::check_unit("direction", direction)?;
+                limits::ANGLE.check_angle("angle", angle)?;
                 colour
             }
-            Self::Point { position, colour } => {
+            Self::Point { position, colour, radius, .. } => {
                 limits::COORDINATE.check_all("position", position)?;
+                limits::RADIUS_OF_LIGHT.check("radius", radius)?;
                 colour
             }
             Self::Ambient { colour } => colour,

@@ -154,19 +154,58 @@ pub enum Light {
         direction: DVec3,
         /// Radiance.
         colour: DVec3,
+        /// Angle under which the light is seen, radians in [0, pi]: its diameter. It softens shadows; without them it
+        /// does nothing.
+        angle: f64,
+        /// Do surfaces cast shadows in it, on surfaces?
+        shadows: bool,
     },
-    /// A point; falls off with 1/distance^2.
+    /// A point, or a ball; falls off with 1/distance^2.
     Point {
         /// World-space position.
         position: DVec3,
         /// Radiance at distance 1.
         colour: DVec3,
+        /// Radius of the ball, >= 0: seen from everywhere it is an even disc. It softens shadows; without them it does
+        /// nothing.
+        radius: f64,
+        /// Do surfaces cast shadows in it, on surfaces?
+        shadows: bool,
     },
     /// From everywhere.
     Ambient {
         /// Radiance.
         colour: DVec3,
     },
+}
+
+impl Light {
+    /// Angle under which a directional light is seen by default, degrees: about that of the sun.
+    pub(crate) const ANGLE_DEGREES: f64 = 0.5;
+
+    /// Light that travels along the unit vector `direction`, half a degree wide, without shadows.
+    pub const fn directional(direction: DVec3, colour: DVec3) -> Self {
+        Self::Directional { direction, colour, angle: Self::ANGLE_DEGREES.to_radians(), shadows: false }
+    }
+
+    /// A point at `position`, of light `colour` at distance 1, without shadows.
+    pub const fn point(position: DVec3, colour: DVec3) -> Self {
+        Self::Point { position, colour, radius: 0.0, shadows: false }
+    }
+
+    /// The same light with shadows.
+    #[must_use]
+    pub const fn with_shadows(mut self) -> Self {
+        if let Self::Directional { shadows, .. } | Self::Point { shadows, .. } = &mut self {
+            *shadows = true;
+        }
+        self
+    }
+
+    /// Are there shadows in it?
+    pub const fn has_shadows(&self) -> bool {
+        matches!(self, Self::Directional { shadows: true, .. } | Self::Point { shadows: true, .. })
+    }
 }
 
 /// One node of an animation file, bound to an object or to the camera.

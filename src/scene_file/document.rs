@@ -271,9 +271,19 @@ fn light(part: &Part<'_>) -> Result<Light, SceneError> {
     let kind = part.choice("type")?;
     let colour = part.vector("colour")? * part.number("intensity")?;
     Ok(match kind.as_deref() {
-        Some("point") => Light::Point { position: part.vector("position")?, colour },
+        Some("point") => Light::Point {
+            position: part.vector("position")?,
+            colour,
+            radius: part.number("radius")?,
+            shadows: part.boolean("shadows")?,
+        },
         Some("ambient") => Light::Ambient { colour },
-        _ => Light::Directional { direction: unit(part.vector("direction")?), colour },
+        _ => Light::Directional {
+            direction: unit(part.vector("direction")?),
+            colour,
+            angle: part.number("angle")?.to_radians(),
+            shadows: part.boolean("shadows")?,
+        },
     })
 }
 

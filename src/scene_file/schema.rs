@@ -4,7 +4,9 @@
 //! A long file, because a table that is split is no longer one table.
 
 use crate::anim::TrackFormat;
-use crate::limits::{self, COORDINATE, DEGREES, DIRECTION, INTENSITY, LIGHT, Range, SCALE, UNIT};
+use crate::limits::{
+    self, ANGLE, COORDINATE, DEGREES, DIRECTION, INTENSITY, LIGHT, RADIUS_OF_LIGHT, Range, SCALE, UNIT,
+};
 
 /// An element.
 #[derive(Debug)]
@@ -299,6 +301,18 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             only(&["point"], row("position", ValueKind::Vector(COORDINATE), Required, "position, scene units")),
             row("colour", ValueKind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
             row("intensity", ValueKind::Number(INTENSITY), Value("1"), "factor on `colour`"),
+            only(
+                &["directional", "point"],
+                row("shadows", ValueKind::Boolean, Value("false"), "true: surfaces cast shadows in it"),
+            ),
+            only(
+                &["directional"],
+                row("angle", ValueKind::Number(ANGLE), Value("0.5"), "diameter as it is seen, degrees, for shadows"),
+            ),
+            only(
+                &["point"],
+                row("radius", ValueKind::Number(RADIUS_OF_LIGHT), Value("0"), "of a ball of light, for shadows"),
+            ),
         ],
         children: &[],
     },

@@ -145,10 +145,16 @@ impl Xml {
     }
 
     fn light(&mut self, light: &Light) {
-        let (kind, place, colour) = match *light {
-            Light::Directional { direction, colour } => ("directional", Some(("direction", direction)), colour),
-            Light::Point { position, colour } => ("point", Some(("position", position)), colour),
-            Light::Ambient { colour } => ("ambient", None, colour),
+        let (kind, place, colour, size) = match *light {
+            Light::Directional { direction, colour, angle, .. } => {
+                let angle = (angle != Light::ANGLE_DEGREES.to_radians()).then(|| ("angle", degrees(angle)));
+                ("directional", Some(("direction", direction)), colour, angle)
+            }
+            Light::Point { position, colour, radius, .. } => {
+                let radius = (radius != 0.0).then(|| ("radius", number(radius)));
+                ("point", Some(("position", position)), colour, radius)
+            }
+            Light::Ambient { colour } => ("ambient", None, colour, None),
         };
         let mut attributes = vec![("type", kind.to_owned())];
         attributes.extend(place.map(|(name, v)| (name, vector(v))));
@@ -156,6 +162,10 @@ impl Xml {
         let largest = colour.max_element();
         let intensity = if largest > LIGHT.1 { largest.log2().ceil().exp2().min(MOST_INTENSITY) } else { 1.0 };
         attributes.extend([("colour", vector(colour / intensity)), ("intensity", number(intensity))]);
+        if light.has_shadows() {
+            attributes.push(("shadows", "true".to_owned()));
+        }
+        attributes.extend(size);
         self.line(1, "light", &attributes);
     }
 

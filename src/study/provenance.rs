@@ -99,6 +99,9 @@ pub struct Settings {
     detail: Option<&'static str>,
     shading: String,
     two_sided: bool,
+    /// Shadows of the scene's lights, where they are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shadows: Option<bool>,
     epsilon: Option<f64>,
     seed: u64,
     background: [f64; 3],
@@ -149,6 +152,7 @@ impl Provenance {
             detail: None,
             shading: String::new(),
             two_sided: false,
+            shadows: None,
             epsilon: None,
             seed: 0,
             background: scene.image.background.to_array(),
@@ -185,6 +189,7 @@ impl Provenance {
             detail: Some(options.detail.word()),
             shading: options.look.shading.to_string(),
             two_sided: options.look.two_sided,
+            shadows: (!options.look.shadows).then_some(false),
             epsilon: options.look.epsilon,
             seed: options.look.seed,
             aovs: options.look.aovs.iter().map(|aov| aov.name()).collect(),
@@ -216,6 +221,7 @@ impl Provenance {
             prefilter: Prefilter::None.to_string(),
             shading: options.look.shading.to_string(),
             two_sided: options.look.two_sided,
+            shadows: (!options.look.shadows).then_some(false),
             epsilon: options.look.epsilon,
             seed: options.look.seed,
             aovs: options.look.aovs.iter().map(|aov| aov.name()).collect(),

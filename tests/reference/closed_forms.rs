@@ -32,7 +32,8 @@ pub(crate) fn reference(scene: &Scene, filter: PixelFilter) -> Reference {
 pub(crate) struct Statistics {
     /// Values with a z.
     count: usize,
-    rms: f64,
+    /// Root mean square of z.
+    pub(crate) rms: f64,
     /// Share of all compared values within 4 standard errors + 1e-6.
     pub(crate) within: f64,
     /// Root mean square of the differences.

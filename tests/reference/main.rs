@@ -11,4 +11,5 @@ mod parts;
 mod promises;
 mod samples;
 mod see_through;
+mod shadows;
 mod volumes;

@@ -92,8 +92,8 @@ fn crowd() -> Scene {
     }
     scene.lights = vec![
         Light::Ambient { colour: DVec3::new(0.3, 0.2, 0.1) },
-        Light::Directional { direction: DVec3::new(0.3, -1.0, 0.4).normalize(), colour: DVec3::new(0.5, 0.6, 0.7) },
-        Light::Point { position: eye + DVec3::new(0.5, 1.5, 0.3), colour: DVec3::new(2.0, 1.0, 1.5) },
+        Light::directional(DVec3::new(0.3, -1.0, 0.4).normalize(), DVec3::new(0.5, 0.6, 0.7)),
+        Light::point(eye + DVec3::new(0.5, 1.5, 0.3), DVec3::new(2.0, 1.0, 1.5)),
     ];
     scene
 }
@@ -179,8 +179,8 @@ fn lit(scene: &Scene, eye: DVec3, material: [f64; 4], colour: DVec3, normal: DVe
     scene.lights.iter().fold(DVec3::ZERO, |sum, light| {
         let (towards, radiance) = match *light {
             Light::Ambient { colour: la } => return sum + ambient * colour * la,
-            Light::Directional { direction, colour } => (-direction.normalize(), colour),
-            Light::Point { position: at, colour } => {
+            Light::Directional { direction, colour, .. } => (-direction.normalize(), colour),
+            Light::Point { position: at, colour, .. } => {
                 let way = at - eye - position;
                 (way.normalize(), colour / way.length_squared())
             }

@@ -228,7 +228,7 @@ fn refinement_holds_for_other_weights() {
         let samples = (0..n).map(|i| {
             let share = (f64::from(i) + 0.5) / f64::from(n);
             let time = libm::log1p(share * libm::expm1(RATE)) / RATE;
-            Group { samples: vec![TimeSample { time, weight: 1.0 / f64::from(n) }], sweep: None }
+            Group { samples: vec![TimeSample { time, weight: 1.0 / f64::from(n) }], sweep: None, number: 0 }
         });
         let position = PositionExposure { offset: [0.0; 2], groups: samples.collect() };
         let raster = RasterExposure { phase: [0; 2], positions: vec![position], positions_of_picture: 1 };

@@ -83,8 +83,13 @@ const REFUSED: &[(&str, Change)] = &[
     ("camera.shift", |s, _| s.camera.shift = DVec2::NAN),
     ("camera.motions[0].velocity", |s, _| s.camera.motions = vec![Motion::Linear { velocity: DVec3::NAN }]),
     ("lights[0].colour", |s, _| s.lights = vec![Light::Ambient { colour: DVec3::INFINITY }]),
-    ("lights[0].position", |s, _| s.lights = vec![Light::Point { position: DVec3::NAN, colour: DVec3::ONE }]),
-    ("lights[0].direction", |s, _| s.lights = vec![Light::Directional { direction: DVec3::ZERO, colour: DVec3::ONE }]),
+    ("lights[0].position", |s, _| s.lights = vec![Light::point(DVec3::NAN, DVec3::ONE)]),
+    ("lights[0].angle", |s, _| s.lights = vec![directional(f64::NAN)]),
+    ("lights[0].angle", |s, _| s.lights = vec![directional(-0.1)]),
+    ("lights[0].angle", |s, _| s.lights = vec![directional(3.2)]),
+    ("lights[0].radius", |s, _| s.lights = vec![ball_of_light(-1.0)]),
+    ("lights[0].radius", |s, _| s.lights = vec![ball_of_light(f64::INFINITY)]),
+    ("lights[0].direction", |s, _| s.lights = vec![Light::directional(DVec3::ZERO, DVec3::ONE)]),
     ("environment.intensity", |s, _| s.environment.as_mut().unwrap().intensity = f64::NAN),
     ("environment.rotation", |s, _| s.environment.as_mut().unwrap().rotation = f64::INFINITY),
     ("objects", |s, _| s.objects.clear()),
@@ -164,6 +169,16 @@ const fn volumetric(intervals: u32, swept: SweptKernel) -> Quality {
 const fn bucket(buckets: u32, samples: u32) -> Quality {
     let (interleave, times) = (Interleave::None, Times::Even);
     Quality::Mode(BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave, times })
+}
+
+/// A light with shadows and a diameter of `angle` radians.
+fn directional(angle: f64) -> Light {
+    Light::Directional { direction: DVec3::NEG_Y, colour: DVec3::ONE, angle, shadows: true }
+}
+
+/// A light with shadows and a radius.
+fn ball_of_light(radius: f64) -> Light {
+    Light::Point { position: DVec3::ONE, colour: DVec3::ONE, radius, shadows: true }
 }
 
 #[test]
@@ -381,8 +396,8 @@ impl Seeded {
             15 => scene.camera.near = self.number(),
             16 => scene.camera.shift = DVec2::new(self.number(), self.number()),
             17 => scene.camera.motions.push(Motion::Linear { velocity: self.vector() }),
-            18 => scene.lights.push(Light::Directional { direction: self.vector(), colour: self.vector() }),
-            19 => scene.lights.push(Light::Point { position: self.vector(), colour: self.vector() }),
+            18 => scene.lights.push(Light::directional(self.vector(), self.vector())),
+            19 => scene.lights.push(Light::point(self.vector(), self.vector())),
             20 => scene.lights.push(Light::Ambient { colour: self.vector() }),
             21 => scene.environment.as_mut().unwrap().intensity = self.number(),
             22 => scene.environment.as_mut().unwrap().rotation = self.number(),

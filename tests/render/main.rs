@@ -29,6 +29,7 @@ mod rendering;
 mod rolling_shutter;
 mod see_through;
 mod sequences;
+mod shadows;
 mod static_objects;
 mod symmetries;
 mod tolerances;

@@ -214,7 +214,7 @@ fn defaults_are_those_of_the_document() {
     assert_eq!((s.frames.first, s.frames.last, s.frames.rate), (0, 0, 24.0));
     assert_eq!((s.shutter.open, s.shutter.close, &s.shutter.weight), (-0.25, 0.25, &Weight::Box));
     let direction = DVec3::new(-0.5, -1.0, -0.8).normalize();
-    let Light::Directional { direction: d, colour } = s.lights[0] else { panic!("{:?}", s.lights) };
+    let Light::Directional { direction: d, colour, .. } = s.lights[0] else { panic!("{:?}", s.lights) };
     assert!((d - direction).length() < 1e-15 && colour == DVec3::splat(0.9));
     assert_eq!(s.lights[1..], [Light::Ambient { colour: DVec3::splat(0.3) }]);
     let o = &s.objects[0];
@@ -223,6 +223,32 @@ fn defaults_are_those_of_the_document() {
     // Motion by formula: a second of film.
     let s = loaded(scene("", "<motion type='linear' velocity='1 0 0'/>")).scene;
     assert_eq!((s.frames.first, s.frames.last), (0, 24));
+}
+
+/// Size and shadows of lights arrive, and come back from a file that is written.
+#[test]
+fn lights_with_shadows_are_read_and_written() {
+    let lights = "<light type='directional' shadows='true' angle='2.5'/>
+        <light type='point' position='1 2 3' radius='0.25'/><light type='point' position='1 2 3' shadows='true'/>";
+    let dir = Dir::new(scene(lights, ""));
+    let s = dir.load().unwrap().scene;
+    let shadows: Vec<bool> = s.lights.iter().map(Light::has_shadows).collect();
+    assert_eq!(shadows, [true, false, true]);
+    let Light::Directional { angle, .. } = s.lights[0] else { panic!("{:?}", s.lights) };
+    assert!((angle.to_degrees() - 2.5).abs() < 1e-12);
+    assert!(matches!(s.lights[1], Light::Point { radius: 0.25, .. }), "{:?}", s.lights);
+    dir.add("scene.xml", to_xml(&s, dir.0.path()));
+    assert_eq!(dir.load().unwrap().scene.lights, s.lights);
+    for (wrong, what) in [
+        ("<light type='ambient' shadows='true'/>", "shadows"),
+        ("<light type='point' position='1 2 3' angle='1'/>", "angle"),
+        ("<light type='directional' angle='181'/>", "angle"),
+        ("<light type='directional' radius='1'/>", "radius"),
+    ] {
+        let dir = Dir::new(scene(wrong, ""));
+        let error = dir.words(dir.load().map(|l| l.scene.name).expect_err("refused"));
+        assert!(error.contains(what), "{wrong}: {error}");
+    }
 }
 
 #[test]
@@ -235,10 +261,7 @@ fn every_value_arrives() {
     assert_eq!(s.camera.eye, DVec3::new(0.6, 2.3, 9.6));
     assert!((s.camera.fovy.to_degrees() - 34.7).abs() < 1e-12 && !s.camera.automatic);
     assert_eq!(s.camera.animation.as_ref().unwrap().interpolation, Interpolation::Linear);
-    assert_eq!(
-        s.lights[1],
-        Light::Point { position: DVec3::new(1.0, 2.0, 3.0), colour: DVec3::new(1e6, 0.3, 0.0) * 1_048_576.0 }
-    );
+    assert_eq!(s.lights[1], Light::point(DVec3::new(1.0, 2.0, 3.0), DVec3::new(1e6, 0.3, 0.0) * 1_048_576.0));
     let [_, _, triangle] = s.objects.as_slice() else { panic!("{} objects", s.objects.len()) };
     assert_eq!(triangle.source.options.node.as_deref(), Some("a \"b\" & c"));
     // A quarter of a unit in half a second, over and over. The scene's own frame rate goes before `fps`.

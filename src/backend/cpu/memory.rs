@@ -5,6 +5,7 @@ use super::chunk::CHUNK;
 use super::paint::PaintBuffers;
 use super::published::Map;
 use super::resolve::TileFilm;
+use super::shadows::Shadows;
 use super::tile_buffers::TileBuffers;
 use super::tiles::{Band, TILE};
 use super::transparent;
@@ -40,6 +41,7 @@ impl Budget {
         // Other pictures, the film, the picture that it becomes, and its copy in the file's form.
         let film =
             frame.picture_bytes + all_tiles * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
+        let film = film + Shadows::most_bytes(frame);
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
         // Each slice has a threshold, and the depth of the nearest kernel where that is kept.

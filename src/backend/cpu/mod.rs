@@ -21,6 +21,7 @@ pub(super) mod project;
 pub(super) mod published;
 pub(super) mod resolve;
 pub(super) mod scope;
+pub(super) mod shadows;
 pub(super) mod swept;
 pub(super) mod tile_buffers;
 pub(super) mod tile_runner;
@@ -31,6 +32,7 @@ pub(super) mod waste;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -42,6 +44,7 @@ use self::paint::{Kernel, PaintGroup, Painted};
 use self::published::{LowPassSplat, Map, MapGroup, PublishedSweepGroup};
 use self::resolve::{RasterFilms, TileFilm, TiledFilm};
 use self::scope::Scope;
+use self::shadows::Shadows;
 use self::swept::SweepGroup;
 use self::tile_buffers::TileBuffers;
 use self::tile_runner::TileRunner;
@@ -97,6 +100,8 @@ struct Memory {
     buffers: Vec<TileBuffers>,
     map: Map,
     transparent: TransparentMemory,
+    /// The shadow maps of the group that is worked on.
+    shadows: Shadows,
 }
 
 /// Splats of step `Paint`, chunk by chunk.
@@ -249,7 +254,7 @@ impl<'a> BandPosition<'a> {
     fn scope(self, group: usize, band: Band) -> Scope<'a> {
         let Self { frame, position, planes, channels, clusters, clocks, .. } = self;
         let (raster, group) = (&position.raster, &position.groups[group]);
-        Scope { frame, raster, group, band, planes, channels, clusters, clocks }
+        Scope { frame, raster, group, band, planes, channels, clusters, clocks, shadows: None }
     }
 }
 
@@ -291,6 +296,14 @@ impl Executor<'_> {
     /// One group of opaque surfels. With `shares_rest`, what is at rest is made once for all groups of the position.
     fn paint<K: Kernel>(&mut self, group: usize, shares_rest: bool, splats: fn(&mut Memory) -> &mut Splats<K>) {
         let scope = self.place.scope(group, self.place.band);
+        let mut shadows = std::mem::take(&mut self.memory.shadows);
+        let has_shadows = self.place.frame.has_shadows();
+        if has_shadows {
+            let start = Instant::now();
+            shadows.draw(scope.frame, &scope.group.samples[scope.group.samples.len() / 2], scope.raster);
+            scope.clocks.visibility.add(start);
+        }
+        let scope = Scope { shadows: has_shadows.then_some(&shadows), ..scope };
         let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
         let mut own = std::mem::take(splats(self.memory));
         let Memory { buffers, transparent, at_rest: films, .. } = &mut *self.memory;
@@ -313,6 +326,7 @@ impl Executor<'_> {
         let at_hand = runner.run(&mut own.binned, buffers, &mut tiles);
         own.at_rest = if shares_rest { at_rest.min(at_hand) } else { 0 };
         *splats(self.memory) = own;
+        self.memory.shadows = shadows;
     }
 
     /// The map of a group, with `guard` pixels around the band.

@@ -3,6 +3,7 @@
 //! In: a tile's sums and coverage. Out: the tile's film. One sample position at a time, order-free.
 
 use super::mirror::{Mirror, Rows, rays};
+use super::shadows::Shadows;
 use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
 use super::values::{add_lobes, unit};
 use crate::environment::Surroundings;
@@ -110,6 +111,8 @@ pub(in crate::backend) struct Resolve<'a> {
     pub surroundings: Option<&'a Surroundings>,
     /// What turns a pixel into a ray.
     pub raster: &'a Raster,
+    /// `None`: no light has any.
+    pub shadows: Option<&'a Shadows>,
 }
 
 type Lanes = [f32; LANES];
@@ -225,7 +228,15 @@ fn shade_lanes(
     let material = material.copied().unwrap_or(flat.map(|v| [v; LANES]));
     let [ray, view] = rays(&resolve.sample.world_from_camera, resolve.raster, pixel);
     let mut out = [[0.0; LANES]; 3];
-    for light in &resolve.sample.lights {
+    for (number, light) in resolve.sample.lights.iter().enumerate() {
+        let mut seen = [1.0; LANES];
+        if let (Some(shadows), Some(depth), true) = (resolve.shadows, depth, light.has_shadows()) {
+            for l in 0..LANES {
+                let place = [ray[0][l] * depth[l], ray[1][l] * depth[l], ray[2][l] * depth[l]];
+                let normal = [normal[0][l], normal[1][l], normal[2][l]];
+                seen[l] = shadows.lit(number, light, normal, place, depth[l]);
+            }
+        }
         match *light {
             ShadingLight::Ambient { colour: la } => {
                 for c in 0..3 {
@@ -234,19 +245,19 @@ fn shade_lanes(
                     }
                 }
             }
-            ShadingLight::Directional { towards, colour: light } => {
+            ShadingLight::Directional { towards, colour: light, .. } => {
                 let towards = towards.to_array();
                 for l in 0..LANES {
-                    add_lobes(&mut out, l, &material, colour, normal, &view, towards, light, 1.0);
+                    add_lobes(&mut out, l, &material, colour, normal, &view, towards, light, seen[l]);
                 }
             }
-            ShadingLight::Point { position, colour: light } => {
+            ShadingLight::Point { position, colour: light, .. } => {
                 let position = position.to_array();
                 for l in 0..LANES {
                     let depth = depth.map_or(0.0, |depth| depth[l]);
                     let surface = [ray[0][l] * depth, ray[1][l] * depth, ray[2][l] * depth];
                     let (towards, falloff) = towards_point(position, surface);
-                    add_lobes(&mut out, l, &material, colour, normal, &view, towards, light, falloff);
+                    add_lobes(&mut out, l, &material, colour, normal, &view, towards, light, falloff * seen[l]);
                 }
             }
         }

@@ -12,6 +12,7 @@ use super::depths::Depths;
 use super::land::Strip;
 use super::project::SurfelView;
 use super::resolve::Resolve;
+use super::shadows::Shadows;
 use super::tile_buffers::TileBuffers;
 use super::tiles::Band;
 use super::values::{self, Faced, Shown};
@@ -35,6 +36,8 @@ pub(in crate::backend) struct Scope<'a> {
     /// One for each object; empty where they are not known.
     pub clusters: &'a [Arc<Clusters>],
     pub clocks: &'a Clocks,
+    /// The shadow maps of the group; `None`: no light has shadows.
+    pub shadows: Option<&'a Shadows>,
 }
 
 impl Scope<'_> {
@@ -71,6 +74,7 @@ impl Scope<'_> {
             surroundings: self.frame.surroundings.as_ref(),
             pixel: self.raster.pixel / self.raster.focal,
             strip: Strip::of(self.raster).filter(|_| sample.objects[chunk.object].turns()),
+            shadows: self.shadows,
         }
     }
 
@@ -111,6 +115,7 @@ impl Scope<'_> {
             shading: self.frame.shading,
             surroundings: self.frame.surroundings.as_ref(),
             raster: self.raster,
+            shadows: self.shadows,
         }
     }
 

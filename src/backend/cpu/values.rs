@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use super::land::Strip;
 use super::project::transform;
+use super::shadows::Shadows;
 use super::tiles::LANES;
 use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
@@ -37,6 +38,8 @@ pub(in crate::backend) struct Shown<'a> {
     pub pixel: f32,
     /// The strip that is read out while the object turns; else `None`.
     pub strip: Option<Strip>,
+    /// `None`: no light has any.
+    pub shadows: Option<&'a Shadows>,
 }
 
 /// What it shows the side of.
@@ -149,7 +152,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         }
         let position = transform(&posed.world_from_model, posed.world_origin, &position);
         let view = unit(position.map(|axis| axis.map(|v| -v)));
-        colour = lit(&shown.sample.lights, &colour, &normal, &position, &view, &of_material);
+        colour = lit(shown, &colour, &normal, &position, &view, &of_material);
         mirror(shown, &mut colour, &normal, &view);
     }
     for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
@@ -180,7 +183,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
 /// The equation of `shading::shade`, for `LANES` surfels.
 #[inline(always)]
 fn lit(
-    lights: &[ShadingLight],
+    shown: &Shown<'_>,
     colour: &[Lanes; 3],
     normal: &[Lanes; 3],
     position: &[Lanes; 3],
@@ -188,7 +191,16 @@ fn lit(
     material: &[Lanes; 4],
 ) -> [Lanes; 3] {
     let mut out = [[0.0; LANES]; 3];
-    for light in lights {
+    let axis = shown.sample.world_from_camera.z_axis;
+    for (number, light) in shown.sample.lights.iter().enumerate() {
+        let mut seen = [1.0; LANES];
+        if let (Some(shadows), true) = (shown.shadows, light.has_shadows()) {
+            for l in 0..LANES {
+                let place = [position[0][l], position[1][l], position[2][l]];
+                let normal = [normal[0][l], normal[1][l], normal[2][l]];
+                seen[l] = shadows.lit(number, light, normal, place, -axis.dot(Vec3::from(place)));
+            }
+        }
         match *light {
             ShadingLight::Ambient { colour: of_light } => {
                 for c in 0..3 {
@@ -197,17 +209,17 @@ fn lit(
                     }
                 }
             }
-            ShadingLight::Directional { towards, colour: of_light } => {
+            ShadingLight::Directional { towards, colour: of_light, .. } => {
                 let towards = towards.to_array();
                 for l in 0..LANES {
-                    add_lobes(&mut out, l, material, colour, normal, view, towards, of_light, 1.0);
+                    add_lobes(&mut out, l, material, colour, normal, view, towards, of_light, seen[l]);
                 }
             }
-            ShadingLight::Point { position: of_light, colour: radiance } => {
+            ShadingLight::Point { position: of_light, colour: radiance, .. } => {
                 for l in 0..LANES {
                     let at = [position[0][l], position[1][l], position[2][l]];
                     let (towards, falloff) = towards_point(of_light.to_array(), at);
-                    add_lobes(&mut out, l, material, colour, normal, view, towards, radiance, falloff);
+                    add_lobes(&mut out, l, material, colour, normal, view, towards, radiance, falloff * seen[l]);
                 }
             }
         }

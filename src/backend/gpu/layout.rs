@@ -372,8 +372,8 @@ pub(in crate::backend) fn lights(samples: &[PosedSample]) -> Vec<Light> {
 fn light(light: &ShadingLight) -> Light {
     let (vector, kind, colour) = match *light {
         ShadingLight::Ambient { colour } => (Vec3::ZERO, AMBIENT, colour),
-        ShadingLight::Directional { towards, colour } => (towards, DIRECTIONAL, colour),
-        ShadingLight::Point { position, colour } => (position, 2.0, colour),
+        ShadingLight::Directional { towards, colour, .. } => (towards, DIRECTIONAL, colour),
+        ShadingLight::Point { position, colour, .. } => (position, 2.0, colour),
     };
     Light { vector: vector.extend(kind).to_array(), colour: colour.extend(0.0).to_array() }
 }

@@ -143,6 +143,9 @@ impl Backend for Gpu {
         if self.stop.is_set() {
             return Err(BackendError::Stopped);
         }
+        if frame.has_shadows() {
+            return Err(BackendError::Shadows { what: "the GPU backend has", instead: "the CPU (`--backend cpu`)" });
+        }
         let flight = self.depart(frame)?;
         self.flights.push_back(flight);
         Ok(())

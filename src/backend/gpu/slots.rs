@@ -112,11 +112,12 @@ impl Slot {
         SLOTS.iter().find(|(slot, ..)| *slot == self).map_or("of a model", |(_, name, _)| name)
     }
 
-    /// Largest difference of its values from the CPU's; 0 where they are whole numbers. That of floats is relative to
-    /// the larger of 1 and the values that are added or multiplied (and for a splat's forms its `skew`). On the software
-    /// device it is 0, measured: that device neither contracts nor approximates. One unit in the last place more in each
-    /// of the sums that may cancel makes 1.9e-6 (`programs_that_round_otherwise_pass`). A device may divide with an
-    /// error of 2.5 units.
+    /// Largest difference of its values from the CPU's; 0 where they are whole numbers.
+    ///
+    /// That of floats is relative to the larger of 1 and the values that are added or multiplied (and for a splat's
+    /// forms its `skew`). On the software device it is 0, measured: that device neither contracts nor approximates. One
+    /// unit in the last place more in each of the sums that may cancel makes 1.9e-6
+    /// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units.
     pub(in crate::backend) const fn tolerance(self) -> f32 {
         use Slot::{CoverageMask, DigitTotals, Histogram, Keys, List, Order, Partials, SortedKeys, SortedList};
         use Slot::{Starts, Status, Totals, Touched, Wide, WrittenTotals};

@@ -38,7 +38,7 @@ impl Context {
         band: Band,
     ) -> Scope<'a> {
         let Self { channels, planes, clocks } = self;
-        Scope { frame, raster: &position.raster, group, band, planes, channels, clusters: &[], clocks }
+        Scope { frame, raster: &position.raster, group, band, planes, channels, clusters: &[], clocks, shadows: None }
     }
 }
 

@@ -89,12 +89,14 @@ fn camera(c: &Camera) -> Value {
 
 fn light(l: &Light) -> Value {
     match *l {
-        Light::Directional { direction, colour } => {
-            json!({ "type": "directional", "direction": vector(direction), "colour": vector(colour) })
-        }
-        Light::Point { position, colour } => {
-            json!({ "type": "point", "position": vector(position), "colour": vector(colour) })
-        }
+        Light::Directional { direction, colour, angle, shadows } => json!({
+            "type": "directional", "direction": vector(direction), "colour": vector(colour),
+            "angle_degrees": tidy(angle.to_degrees()), "shadows": shadows,
+        }),
+        Light::Point { position, colour, radius, shadows } => json!({
+            "type": "point", "position": vector(position), "colour": vector(colour),
+            "radius": tidy(radius), "shadows": shadows,
+        }),
         Light::Ambient { colour } => json!({ "type": "ambient", "colour": vector(colour) }),
     }
 }

@@ -167,7 +167,7 @@ impl<'w, 'a> Veil<'w, 'a> {
         let world = self.world;
         self.rays.resize_with(points.len(), Ray::default);
         self.views.clear();
-        for (ray, (&(film, time), &limit)) in self.rays.iter_mut().zip(points.iter().zip(limits)) {
+        for (ray, (&SamplePoint { film, time, .. }, &limit)) in self.rays.iter_mut().zip(points.iter().zip(limits)) {
             let mut waiting = std::mem::take(&mut ray.waiting);
             waiting.clear();
             *ray = Ray { time, limit, live: true, waiting, ..Ray::default() };

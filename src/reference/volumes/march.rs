@@ -121,7 +121,7 @@ impl<'w, 'a> March<'w, 'a> {
     pub(in crate::reference) fn begin(&mut self, points: &[SamplePoint], ends: impl Iterator<Item = f64>) {
         let world = self.world;
         self.views.clear();
-        for &(film, time) in points {
+        for &SamplePoint { film, time, .. } in points {
             let camera = world.camera(time);
             self.views.extend(world.volumes.iter().map(|volume| {
                 let body = &world.bodies[volume.body];

@@ -1,0 +1,250 @@
+//! What part of a light's plane its maps cover, and how finely: what the camera sees, in slices of its depth.
+
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+use super::Run;
+use super::view::LightView;
+use crate::backend::cpu::tiles::LANES;
+use crate::frame::{Frame, PosedSample, Raster};
+
+/// Slices of the depth before the camera. Two end at twice the depth at which they begin.
+pub(super) const SLICES: usize = 80;
+
+/// Most texels of a side of a map.
+const MOST_SIDE: f64 = 65_000.0;
+
+/// The slice of a depth.
+pub(super) fn slice_of(depth: f32, near: f32) -> usize {
+    let times = depth / near;
+    // What is nearer, and what is not a number, is in the first.
+    if times.is_nan() || times <= 1.0 {
+        return 0;
+    }
+    // The exponent of two, and whether the rest is above its root.
+    let bits = times.to_bits();
+    let half = usize::from(bits & 0x007f_ffff > 0x0035_04f3);
+    (2 * ((bits >> 23) as usize - 127) + half).min(SLICES - 1)
+}
+
+/// What a view of a light shows of receivers in a slice.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Least and greatest x, then y, on the plane of the view.
+    bounds: [[f32; 2]; 2],
+    /// Least depth before the camera.
+    nearest: f32,
+    /// Greatest distance along the axis of the view.
+    farthest: f32,
+}
+
+const NOTHING: Seen = Seen { bounds: [[f32::INFINITY, f32::NEG_INFINITY]; 2], nearest: f32::INFINITY, farthest: 0.0 };
+
+impl Seen {
+    fn and(self, other: Self) -> Self {
+        let bounds = [0, 1].map(|c: usize| {
+            let ([a, b], [c, d]) = (self.bounds[c], other.bounds[c]);
+            [a.min(c), b.max(d)]
+        });
+        let (nearest, farthest) = (self.nearest.min(other.nearest), self.farthest.max(other.farthest));
+        Self { bounds, nearest, farthest }
+    }
+}
+
+/// The part of a view's plane that a map covers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct MapArea {
+    /// The first texel's corner.
+    pub first: [f32; 2],
+    /// Edge of a texel.
+    pub texel: f32,
+    /// Columns and rows; 0 where there is nothing to receive a shadow.
+    pub size: [usize; 2],
+}
+
+impl MapArea {
+    /// May it show anything of a disc at this place?
+    pub(super) fn touches(&self, place: Vec3, radius: f32) -> bool {
+        (0..2).all(|c| {
+            let [low, high] = [self.first[c], self.first[c] + self.texel * self.size[c] as f32];
+            place[c] + radius >= low && place[c] - radius <= high
+        })
+    }
+}
+
+/// What the views of a light show of receivers, view by view and slice by slice.
+pub(super) struct Fit {
+    seen: Vec<Seen>,
+    is_point: bool,
+}
+
+impl Fit {
+    /// What they show of all surfels that the camera may see.
+    pub(super) fn of(
+        runs: &[Run<'_>],
+        views: &[LightView],
+        sample: &PosedSample,
+        raster: &Raster,
+        frame: &Frame,
+    ) -> Self {
+        let starts: [f32; SLICES] = std::array::from_fn(|slice| (0.5 * slice as f32).exp2());
+        let nothing = || vec![NOTHING; views.len() * SLICES];
+        let camera = sample.world_from_camera.transpose();
+        let size = raster.size.map(|pixels| pixels as f32);
+        // Slopes of the sides of the image, by which a pixel around it is seen, too.
+        let slope = |c: usize, pixel: f32| (pixel - raster.axis[c]) / raster.focal;
+        let ends = [0, 1].map(|c: usize| [slope(c, -2.0), slope(c, size[c] + 2.0)]);
+        let lengths = ends.map(|ends| ends.map(|slope: f32| (1.0 + slope * slope).sqrt()));
+        // A large surfel is seen in part: what a slice shows of it is within the slice.
+        let within = |view: &LightView, slice: usize| {
+            let depths = [starts[slice], starts[slice] * std::f32::consts::SQRT_2].map(|start| start * frame.near);
+            Slice::of(view, depths, ends, sample.world_from_camera)
+        };
+        let slices: Vec<Slice> =
+            views.iter().flat_map(|view| (0..SLICES).map(move |slice| within(view, slice))).collect();
+        // Where blocks alone are rendered, what they show.
+        let is_wanted = |at: [f32; 2], depth: f32, radius: f32| {
+            let Some(blocks) = &frame.wanted else { return true };
+            if depth - radius < frame.near {
+                return true;
+            }
+            let pixels = [0, 1].map(|c: usize| {
+                let ends = [at[c] - radius, at[c] + radius];
+                let place = |end: f32, depth: f32| raster.axis[c] + raster.focal * end / depth;
+                // An end is farthest out at the nearer of the depths.
+                let [low, high] = ends.map(|end| [place(end, depth - radius), place(end, depth + radius)]);
+                let within = |pixel: f32| pixel.clamp(0.0, (size[c] - 1.0).max(0.0)) as usize;
+                [within(low[0].min(low[1]) - 3.0), within(high[0].max(high[1]) + 3.0)]
+            });
+            blocks.touch(raster.first, [pixels[0][0], pixels[0][1], pixels[1][0], pixels[1][1]])
+        };
+        // Does the camera see any of a ball? It sees nothing of one that is not finite.
+        let sees = |centre: Vec3, radius: f32| {
+            let p = camera * centre;
+            let (at, depth) = ([p.x, -p.y], -p.z);
+            let outside = |c: usize| {
+                let ([low, high], [before, beyond]) = (ends[c], lengths[c].map(|length| length * radius));
+                at[c] - low * depth < -before || at[c] - high * depth > beyond
+            };
+            let reaches = (depth + radius).is_finite() && depth + radius >= frame.near;
+            reaches && !outside(0) && !outside(1) && is_wanted(at, depth, radius)
+        };
+        let of_run = |run: &Run<'_>| {
+            let mut seen = nothing();
+            if !sees(run.middle, run.reach) {
+                return seen;
+            }
+            for (i, &centre) in run.centres.iter().enumerate() {
+                let radius = run.radius(i);
+                if !sees(centre, radius) {
+                    continue;
+                }
+                let depth = -(camera * centre).z;
+                let (from, to) = ((depth - radius).max(frame.near), depth + radius);
+                for (number, view) in views.iter().enumerate() {
+                    let place = view.place(centre);
+                    let Some(shown) = on_view(view, place, radius) else { continue };
+                    for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
+                        let nearest = from.max(frame.near * starts[slice]);
+                        let at = number * SLICES + slice;
+                        if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
+                            seen[at] = seen[at].and(shown);
+                        }
+                    }
+                }
+            }
+            seen
+        };
+        let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
+        let seen = runs.par_iter().map(of_run).reduce(nothing, join);
+        Self { seen, is_point: views.iter().any(|view| view.is_point) }
+    }
+
+    /// The areas of maps whose texels are at most as large as a pixel of what they show; larger where all together
+    /// would be more than `most`. `focal`: pixels of the image. `jitter`: where grids begin, texels.
+    pub(super) fn areas(&self, focal: f32, most: f64, jitter: [f32; 2]) -> Vec<MapArea> {
+        let fine = |seen: &Seen| {
+            let pixel = f64::from(seen.nearest / focal);
+            if self.is_point { pixel / f64::from(seen.farthest) } else { pixel }
+        };
+        let extents = |seen: &Seen| seen.bounds.map(|[low, high]| f64::from(high - low).max(0.0));
+        // With what rows have beyond their last texel.
+        let texels = |seen: &Seen| {
+            let [x, y] = extents(seen).map(|extent| extent / fine(seen) + 2.0);
+            (x + LANES as f64) * y
+        };
+        let some = self.seen.iter().filter(|seen| seen.nearest < f32::INFINITY);
+        let coarser = (some.map(texels).sum::<f64>() / most).sqrt().max(1.0);
+        let area = |seen: &Seen| {
+            if seen.nearest == f32::INFINITY {
+                return MapArea::default();
+            }
+            let extents = extents(seen);
+            let texel = extents.into_iter().fold(fine(seen) * coarser, |texel, extent| texel.max(extent / MOST_SIDE));
+            let first = [0, 1].map(|c: usize| (f64::from(seen.bounds[c][0]) - f64::from(jitter[c]) * texel) as f32);
+            MapArea { first, texel: texel as f32, size: extents.map(|extent| (extent / texel) as usize + 2) }
+        };
+        self.seen.iter().map(area).collect()
+    }
+}
+
+/// What a view of a light shows of the part of space that a slice is.
+struct Slice {
+    /// Least and greatest x, then y, on the plane of the view.
+    bounds: [[f32; 2]; 2],
+    /// Greatest distance along the axis of the view.
+    farthest: f32,
+}
+
+impl Slice {
+    /// The part of space between two depths and the sides of the image, whose slopes are `ends`.
+    fn of(view: &LightView, depths: [f32; 2], ends: [[f32; 2]; 2], world_from_camera: Mat3) -> Self {
+        let corner = |n: usize| {
+            let (depth, x, y) = (depths[n & 1], ends[0][n >> 1 & 1], ends[1][n >> 2]);
+            view.place(world_from_camera * Vec3::new(x * depth, -y * depth, -depth))
+        };
+        let corners: [Vec3; 8] = std::array::from_fn(corner);
+        let farthest = corners.iter().map(|corner| corner.z).fold(f32::NEG_INFINITY, f32::max);
+        // Beside a light that is a point, space is no part of a face.
+        if view.is_point && corners.iter().any(|corner| corner.z <= 1e-3 * corner.length()) {
+            return Self { bounds: [[-1.0, 1.0]; 2], farthest };
+        }
+        let bounds = [0, 1].map(|c: usize| {
+            let on_plane = |corner: &Vec3| if view.is_point { corner[c] / corner.z } else { corner[c] };
+            let least = corners.iter().map(on_plane).fold(f32::INFINITY, f32::min);
+            let most = corners.iter().map(on_plane).fold(f32::NEG_INFINITY, f32::max);
+            let margin = 1e-3 * (most - least);
+            [least - margin, most + margin]
+        });
+        Self { bounds, farthest }
+    }
+
+    /// What it shows of something with these bounds; `None` where that is beside it.
+    fn shows(&self, bounds: [[f32; 2]; 2], nearest: f32, farthest: f32) -> Option<Seen> {
+        let bounds = [0, 1].map(|c: usize| {
+            let ([a, b], [c, d]) = (bounds[c], self.bounds[c]);
+            [a.max(c), b.min(d)]
+        });
+        let farthest = farthest.min(self.farthest);
+        bounds.iter().all(|[low, high]| low <= high).then_some(Seen { bounds, nearest, farthest })
+    }
+}
+
+/// The bounds of a ball on the plane of a view; `None` where it is beside or behind.
+fn on_view(view: &LightView, place: Vec3, radius: f32) -> Option<[[f32; 2]; 2]> {
+    if !view.is_point {
+        return Some([0, 1].map(|c: usize| [place[c] - radius, place[c] + radius]));
+    }
+    if place.z <= -radius {
+        return None;
+    }
+    if place.z <= 2.0 * radius {
+        return Some([[-1.0, 1.0]; 2]);
+    }
+    let bounds = [0, 1].map(|c: usize| {
+        let at = place[c] / place.z;
+        let extent = 2.0 * radius / place.z * (1.0 + at.abs());
+        [(at - extent).max(-1.0), (at + extent).min(1.0)]
+    });
+    bounds.iter().all(|[low, high]| low <= high).then_some(bounds)
+}

@@ -1,0 +1,76 @@
+//! How a light sees: onto a plane across parallel rays, or onto the faces of a cube.
+
+use glam::{Mat3, Vec3};
+
+/// A view of a light.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LightView {
+    /// From axes of the world to those of the view: x and y on its plane, and away from the light.
+    axes: Mat3,
+    /// Where rays start, relative to the eye, world axes; 0 where they are parallel.
+    origin: Vec3,
+    /// Do rays start at one point?
+    pub is_point: bool,
+}
+
+impl LightView {
+    /// The view of a light infinitely far in the unit direction `towards`. Its x lies as near as can be to the unit
+    /// vector `right` of the camera: then slices of the camera's depth lie along an axis of the plane.
+    pub(super) fn directional(towards: Vec3, right: Vec3) -> Self {
+        let across = right - towards * towards.dot(right);
+        // What is left of a parallel vector is rounding.
+        let is_across = across.length_squared() > 1e-4;
+        let x = if is_across { across.normalize() } else { towards.any_orthonormal_vector() };
+        let x = (x - towards * towards.dot(x)).normalize();
+        let axes = Mat3::from_cols(x, x.cross(towards), -towards).transpose();
+        Self { axes, origin: Vec3::ZERO, is_point: false }
+    }
+
+    /// The six of a light at `position`: along +x, -x, +y, -y, +z, -z.
+    pub(super) fn faces(position: Vec3) -> [Self; 6] {
+        let along = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z];
+        along.map(|along| Self { axes: axes(along), origin: position, is_point: true })
+    }
+
+    /// The number of the view of `views` that `place` is in.
+    pub(super) fn facing(views: &[Self], place: Vec3) -> usize {
+        if views.len() == 1 {
+            return 0;
+        }
+        let p = place - views[0].origin;
+        let size = p.abs();
+        let axis = match (size.x >= size.y && size.x >= size.z, size.y >= size.z) {
+            (true, _) => 0,
+            (false, true) => 1,
+            (false, false) => 2,
+        };
+        2 * axis + usize::from(p[axis] < 0.0)
+    }
+
+    /// A direction in the view's axes.
+    pub(super) fn turned(&self, v: Vec3) -> Vec3 {
+        self.axes * v
+    }
+
+    /// A place in the view's axes.
+    pub(super) fn place(&self, p: Vec3) -> Vec3 {
+        self.axes * (p - self.origin)
+    }
+
+    /// A place on the plane of the view, and what grows with its distance: the distance along parallel rays, or
+    /// -1 / the distance along the axis. A plane in space is linear in it over the view's plane.
+    pub(super) fn on_plane(&self, p: Vec3) -> [f32; 3] {
+        let p = self.place(p);
+        if !self.is_point {
+            return p.to_array();
+        }
+        let inverse = 1.0 / p.z;
+        [p.x * inverse, p.y * inverse, -inverse]
+    }
+}
+
+/// A rotation whose third row is the unit vector `along`.
+fn axes(along: Vec3) -> Mat3 {
+    let (x, y) = along.any_orthonormal_pair();
+    Mat3::from_cols(x, y, along).transpose()
+}

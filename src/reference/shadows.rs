@@ -1,0 +1,209 @@
+//! Shadows on opaque surfaces: the points of a sample on the lights, and what stands before them.
+//!
+//! A sample has one point on each light that has shadows, and the light shines from there alone. What casts are the
+//! opaque surfels, triangles and ideal spheres, each posed at the sample's time. Nothing see-through casts or receives.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::posed::{BodyPose, Form, World};
+use super::sampler::LightNumbers;
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, intersect_sphere, traverse};
+use crate::model::paths::Elapsed;
+use crate::scene::Light;
+use crate::shading::ShadingLight;
+
+/// Finds the lights that reach places, on one thread.
+#[derive(Debug)]
+pub(super) struct Shadows<'w, 'a> {
+    world: &'w World<'a>,
+    /// Numbers of the bodies that cast.
+    casters: Vec<usize>,
+    /// Their poses at the sample's time; empty until a ray needs them.
+    poses: Vec<Option<(BodyPose, Elapsed<f64>)>>,
+    time: f64,
+    /// The lights of the sample, and from where those with shadows shine.
+    lights: Vec<(ShadingLight, Option<Source>)>,
+    reaching: Vec<ShadingLight>,
+    found: [Found; 1],
+    stack: Vec<Waiting>,
+}
+
+/// From where a light shines, world space.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    /// From infinitely far: the unit vector towards it.
+    Towards(DVec3),
+    Place(DVec3),
+}
+
+/// A place of a surface that is shaded.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Receiver<'h> {
+    /// Place in the world.
+    pub place: DVec3,
+    /// Unit normal in the world, on the side that is seen.
+    pub normal: DVec3,
+    /// The eye that sees it.
+    pub eye: DVec3,
+    /// Number of the object that the place belongs to.
+    pub own: u32,
+    /// All hits of the surface, which may be of other objects too.
+    pub hits: &'h [Hit],
+}
+
+/// Which hits of a body are in the way.
+#[derive(Clone, Copy, Debug)]
+struct Blocking {
+    /// Least distance from the place.
+    near: f64,
+    /// Hits from behind are in the way too.
+    two_sided: bool,
+}
+
+impl<'w, 'a> Shadows<'w, 'a> {
+    /// `None` where there are no shadows.
+    pub(super) fn new(world: &'w World<'a>) -> Option<Self> {
+        let any = world.options.look.shadows && world.scene.lights.iter().any(Light::has_shadows);
+        let casts = |&number: &usize| {
+            let body = &world.bodies[number];
+            matches!(body.form, Form::Model(_) | Form::Sphere(_)) && !body.see_through
+        };
+        any.then(|| Self {
+            world,
+            casters: (0..world.bodies.len()).filter(casts).collect(),
+            poses: Vec::new(),
+            time: 0.0,
+            lights: Vec::new(),
+            reaching: Vec::new(),
+            found: [Found::default()],
+            stack: Vec::new(),
+        })
+    }
+
+    /// Takes a sample at scene time `time` (frames). Its lights are relative to `eye`.
+    pub(super) fn begin(&mut self, eye: DVec3, time: f64, numbers: LightNumbers) {
+        self.time = time;
+        self.poses.clear();
+        let mut plain = std::mem::take(&mut self.reaching);
+        self.world.lights(eye, &mut plain);
+        self.lights.clear();
+        let lights = (0..).zip(&self.world.scene.lights).zip(&plain);
+        self.lights.extend(lights.map(|((number, light), &plain)| match *light {
+            Light::Directional { direction, angle, shadows: true, colour } => {
+                let towards = in_cone(-direction, angle, numbers.at(number));
+                let (colour, shadows) = (colour.as_vec3(), true);
+                let light = ShadingLight::Directional { towards: towards.as_vec3(), colour, shadows };
+                (light, Some(Source::Towards(towards)))
+            }
+            Light::Point { position, radius, shadows: true, colour } => {
+                let place = position + radius * in_ball(numbers.at(number));
+                let (colour, shadows) = (colour.as_vec3(), true);
+                let light = ShadingLight::Point { position: (place - eye).as_vec3(), colour, shadows };
+                (light, Some(Source::Place(place)))
+            }
+            Light::Directional { .. } | Light::Point { .. } | Light::Ambient { .. } => (plain, None),
+        }));
+        self.reaching = plain;
+    }
+
+    /// The lights of the sample that reach a place.
+    pub(super) fn reaching(&mut self, at: &Receiver<'_>) -> &[ShadingLight] {
+        self.reaching.clear();
+        for i in 0..self.lights.len() {
+            let (light, source) = self.lights[i];
+            if source.is_none_or(|source| self.reaches(source, at)) {
+                self.reaching.push(light);
+            }
+        }
+        &self.reaching
+    }
+
+    /// A surface that faces away from the light is in its own shadow, highlights too: it takes no ray.
+    fn reaches(&mut self, source: Source, at: &Receiver<'_>) -> bool {
+        let (towards, distance) = match source {
+            Source::Towards(towards) => (towards, f64::INFINITY),
+            Source::Place(place) => ((place - at.place).normalize_or_zero(), place.distance(at.place)),
+        };
+        at.normal.dot(towards) > 0.0 && {
+            if self.poses.is_empty() {
+                let posed = |&caster: &usize| {
+                    let body = &self.world.bodies[caster];
+                    Some((body.pose_at(self.time)?, body.elapsed(self.time)))
+                };
+                self.poses.extend(self.casters.iter().map(posed));
+            }
+            !(0..self.casters.len()).any(|caster| self.blocks(caster, at, towards, distance))
+        }
+    }
+
+    /// Is a caster in the way from a place to the light at `distance` along the unit vector `towards`?
+    ///
+    /// A place lies on its surface only within the depth tolerance (epsilon) of the object, because surfels that
+    /// overlap are blended. So there are three rules. "Nearer" is the distance along the ray to the light.
+    ///
+    /// - The object of the place: what is nearer than its epsilon is the surface itself, and not in the way. Of a
+    ///   one-sided object only what the ray enters through the front is: a ray from a closed model enters it again
+    ///   before it leaves it, so backs show that it began a little below the surface. Backs are not seen either. A
+    ///   two-sided object casts on itself with both sides.
+    /// - Another object casts with both sides, however near it is, or contacts would come apart. So a sheet has a
+    ///   shadow whatever its sides, and that of a closed model is the same. Only rounding is left out.
+    /// - Another object with a part in the surface of the place, which lies about as deep: nearer than its epsilon it
+    ///   is in the way if the ray enters it through the front, as beside a contact. Its backs are those of a sheet on
+    ///   the surface, with which the place is blended.
+    fn blocks(&mut self, caster: usize, at: &Receiver<'_>, towards: DVec3, distance: f64) -> bool {
+        let Some((pose, elapsed)) = self.poses[caster] else { return false };
+        let number = self.casters[caster];
+        let body = &self.world.bodies[number];
+        let rounding = LEAST_EPSILON * at.place.distance(at.eye);
+        let near = pose.epsilon.max(rounding);
+        let from = |near: f64, two_sided: bool| Blocking { near, two_sided };
+        let rules = if number == at.own as usize {
+            [Some(from(near, self.world.options.look.two_sided || body.surface.two_sided)), None]
+        } else if at.hits.iter().any(|hit| hit.object as usize == number) {
+            [Some(from(rounding, false)), Some(from(near, true))]
+        } else {
+            [Some(from(rounding, true)), None]
+        };
+        rules.into_iter().flatten().any(|Blocking { near, two_sided }| {
+            let ray = ModelRay {
+                origin: pose.model_from_world * (at.place - pose.world_from_model.translation),
+                direction: pose.model_from_world * towards,
+                near,
+                epsilon: 0.0,
+                two_sided,
+                object: number as u32,
+                lane: 0,
+                elapsed,
+            };
+            self.found[0].clear();
+            self.found[0].limit = distance;
+            match body.form {
+                Form::Model(model) => traverse(&self.world.models[model], &[ray], &mut self.found, &mut self.stack),
+                Form::Sphere(sphere) => intersect_sphere(&sphere, &ray, &mut self.found[0]),
+                Form::Gaussians(_) | Form::Volume(_) | Form::Nothing => {}
+            }
+            !self.found[0].hits.is_empty()
+        })
+    }
+}
+
+/// A unit vector at most half of `angle` away from the unit vector `axis`. Equal areas of the unit square become equal
+/// solid angles: a disc, and Lambert's azimuthal projection backwards.
+fn in_cone(axis: DVec3, angle: f64, [area, turn, _]: [f64; 3]) -> DVec3 {
+    let rim = 2.0 * libm::sin(0.25 * angle);
+    let (radius, turn) = (rim * area.sqrt(), TAU * turn);
+    let (right, up) = axis.any_orthonormal_pair();
+    let aside = right * libm::cos(turn) + up * libm::sin(turn);
+    let square = radius * radius;
+    axis * (1.0 - 0.5 * square) + aside * (radius * (1.0 - 0.25 * square).sqrt())
+}
+
+/// Three coordinates of a unit quaternion that is drawn evenly (Shoemake 1992). From everywhere the unit ball is an
+/// even disc then.
+fn in_ball([share, first, second]: [f64; 3]) -> DVec3 {
+    let [a, b] = [first, second].map(|turn| TAU * turn);
+    let [long, short] = [share, 1.0 - share].map(f64::sqrt);
+    DVec3::new(long * libm::cos(a), long * libm::sin(a), short * libm::cos(b))
+}

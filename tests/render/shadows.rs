@@ -1,0 +1,339 @@
+//! Shadows of the CPU backend, against closed forms: integrals in `f64` that share no code with it.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use crate::support::{object, render, round_surfels, scene, sphere};
+use glam::{DVec3, Vec3};
+use splatblur::backend::BackendError;
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::Picture;
+use splatblur::model::{Material, Surfels};
+use splatblur::options::{BlurMode, Look, RenderOptions, Shading};
+use splatblur::reference::{self, ReferenceOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::{Camera, Light, Motion, Object, Scene};
+
+/// White, without lobes but the diffuse one.
+const WHITE: Material = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
+
+fn white(model: Surfels) -> Object {
+    let mut object = object(model.spatially_ordered());
+    let surface = object.shape.surface_mut().unwrap();
+    (surface.material, surface.two_sided) = (Some(WHITE), false);
+    object
+}
+
+/// A square of white surfels that faces +y, from `low` to `high` in x and z, at `height`.
+fn square(low: [f64; 2], high: [f64; 2], height: f64, step: f64) -> Object {
+    let count = [0, 1].map(|c: usize| ((high[c] - low[c]) / step).round() as usize);
+    let at = |i: usize, c: usize| low[c] + (i as f64 + 0.5) * step;
+    let places = (0..count[0] * count[1]).map(|i| DVec3::new(at(i % count[0], 0), height, at(i / count[0], 1)));
+    white(round_surfels(places.map(|place| (place, DVec3::Y, step, Vec3::ONE))))
+}
+
+/// The floor from just above it, with +x to the right and +z down.
+fn from_above(objects: Vec<Object>, size: [u32; 2]) -> Scene {
+    let mut scene = scene(objects, size, DVec3::new(0.0, 0.8, 0.0), 40.0);
+    scene.camera = Camera { up: -DVec3::Z, fovy: 40_f64.to_radians(), ..Camera::new(DVec3::Y * 0.8, DVec3::ZERO) };
+    scene
+}
+
+/// Half the height of the floor that [`from_above`] shows.
+fn half_height() -> f64 {
+    0.8 * 20_f64.to_radians().tan()
+}
+
+fn samples(samples: u32) -> RenderOptions {
+    RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
+}
+
+/// Worst mean of the difference of red over squares of 6 x 6 pixels.
+fn worst_square(a: &Picture, b: &Picture) -> f64 {
+    let [width, height] = [a.width, a.height].map(|pixels| pixels as usize);
+    let difference = |i: usize| f64::from(a.rgba[i][0] - b.rgba[i][0]);
+    let square = |x: usize, y: usize| {
+        let pixels = (y..y + 6).flat_map(|y| (x..x + 6).map(move |x| y * width + x));
+        (pixels.map(difference).sum::<f64>() / 36.0).abs()
+    };
+    (0..=height - 6).flat_map(|y| (0..=width - 6).map(move |x| (x, y))).map(|(x, y)| square(x, y)).fold(0.0, f64::max)
+}
+
+/// A half-plane at height 1 whose edge is x = 0, under a light 20 degrees wide: the floor's light is the integral of
+/// the cosine over the part of the cone that is seen.
+#[test]
+fn a_half_plane_under_a_wide_light() {
+    let (height, half) = (1.0, 10_f64.to_radians());
+    let floor = square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.02);
+    // Discs of the last row reach .9566 of their radius beyond their centres, in the mean.
+    let edge = -0.02 * (0.9566 - 0.5);
+    let above = square([edge - 1.6, -1.2], [edge, 1.2], height, 0.02);
+    let mut scene = from_above(vec![floor, above], [96, 32]);
+    let light = |shadows| Light::Directional { direction: -DVec3::Y, colour: DVec3::ONE, angle: 2.0 * half, shadows };
+    scene.lights = vec![light(true)];
+    let picture = render(&scene, &samples(256));
+    let share = |x: f64| {
+        let (rings, parts) = (200, 400);
+        let mut sum = 0.0;
+        for ring in 0..rings {
+            let cosine = 1.0 - (f64::from(ring) + 0.5) / f64::from(rings) * (1.0 - half.cos());
+            let slope = (1.0 - cosine * cosine).sqrt() / cosine;
+            let seen = (0..parts).filter(|part| {
+                let turn = (f64::from(*part) + 0.5) / f64::from(parts) * std::f64::consts::TAU;
+                x + height * slope * turn.cos() >= 0.0
+            });
+            sum += cosine * seen.count() as f64;
+        }
+        sum / f64::from(rings * parts)
+    };
+    let pixel = 2.0 * half_height() / 32.0;
+    let (mut worst, mut sum) = (0.0_f64, 0.0);
+    for column in 0..96_usize {
+        let x = (column as f64 + 0.5 - 48.0) * pixel;
+        let rows = (8..24).map(|row| f64::from(picture.rgba[row * 96 + column][0]));
+        let mean = rows.sum::<f64>() / 16.0;
+        let difference = mean - share(x);
+        (worst, sum) = (worst.max(difference.abs()), sum + difference);
+    }
+    let bias = sum / 96.0;
+    println!("worst column {worst:.4}, bias {bias:.4}");
+    // The worst of 256 points on the light is .014 in the mean over seeds.
+    assert!(worst < 0.02 && bias.abs() < 0.002, "worst {worst}, bias {bias}");
+    // Without shadows the light is a direction.
+    let look = Look { shadows: false, ..Look::default() };
+    let without = render(&scene, &RenderOptions { look, ..samples(8) });
+    scene.lights = vec![light(false)];
+    assert_eq!(without.rgba, render(&scene, &samples(8)).rgba);
+}
+
+/// A ball flies through the light of a point: each place of the floor is dark for the time in which its ray to the
+/// light meets the ball.
+#[test]
+fn a_moving_ball() {
+    let (lamp, radius) = (DVec3::new(0.1, 2.0, 0.0), 0.1);
+    let (start, velocity) = (DVec3::new(-0.25, 0.9, 0.0), DVec3::new(0.5, 0.0, 0.0));
+    let floor = square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.02);
+    let mut model = sphere(4000);
+    let small = |v: &mut Vec3| *v *= radius as f32;
+    model.position.iter_mut().for_each(small);
+    model.axis_u.iter_mut().chain(&mut model.axis_v).for_each(small);
+    let mut ball = white(model);
+    ball.transform.translate = start;
+    ball.motions = vec![Motion::Linear { velocity }];
+    let mut scene = from_above(vec![floor, ball], [96, 32]);
+    (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
+    scene.lights = vec![Light::point(lamp, DVec3::splat(4.0)).with_shadows()];
+    let picture = render(&scene, &samples(256));
+    let pixel = 2.0 * half_height() / 32.0;
+    let truth = |x: f64, z: f64| {
+        let place = DVec3::new(x, 0.0, z);
+        let to_lamp = lamp - place;
+        let along = to_lamp.normalize();
+        let is_lit = |step: &i32| {
+            let centre = start + velocity * ((f64::from(*step) + 0.5) / 1000.0);
+            let from = centre - place;
+            (from - along * from.dot(along)).length() > radius
+        };
+        let share = (0..1000).filter(is_lit).count() as f64 / 1000.0;
+        share * 4.0 * along.y / to_lamp.length_squared()
+    };
+    let mut sum = 0.0;
+    let mut worst = 0.0_f64;
+    for (row, column) in (2..30).flat_map(|row| (2..94).map(move |column| (row, column))) {
+        let [x, z] = [column as f64 + 0.5 - 48.0, row as f64 + 0.5 - 16.0].map(|pixels| pixels * pixel);
+        // The mean over a pixel, by 16 places.
+        let places = (0..16).map(|i| [i % 4, i / 4].map(|k| (f64::from(k) + 0.5) / 4.0 - 0.5));
+        let mean = places.map(|[dx, dz]| truth(x + dx * pixel, z + dz * pixel)).sum::<f64>() / 16.0;
+        let difference = f64::from(picture.rgba[row * 96 + column][0]) - mean;
+        (sum, worst) = (sum + difference * difference, worst.max(difference.abs()));
+    }
+    let root = (sum / f64::from(28 * 92)).sqrt();
+    println!("rms {root:.4}, worst {worst:.4}");
+    assert!(root < 0.01 && worst < 0.05, "rms {root}, worst {worst}");
+}
+
+/// A ball throws no shadow on itself where it faces the light, nor does a plane that light grazes.
+#[test]
+fn what_faces_the_light_is_lit() {
+    let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 8 }.into(), ..RenderOptions::default() };
+    let shadowless = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..options.clone() };
+    for surfels in [500, 5000, 50_000] {
+        let mut scene = scene(vec![white(sphere(surfels))], [160, 120], DVec3::new(0.0, 0.0, 4.0), 40.0);
+        for direction in [DVec3::new(-1.0, -1.0, -0.6), DVec3::new(1.0, -0.1, -0.3), DVec3::new(0.2, -0.3, -1.0)] {
+            scene.lights = vec![Light::Directional {
+                direction: direction.normalize(),
+                colour: DVec3::ONE,
+                angle: 0.0,
+                shadows: true,
+            }];
+            for shading in [Shading::Phong, Shading::Gouraud] {
+                let with = |options: &RenderOptions| {
+                    let look = Look { shading, ..options.look.clone() };
+                    render(&scene, &RenderOptions { look, ..options.clone() })
+                };
+                let worst = worst_square(&with(&options), &with(&shadowless));
+                println!("{surfels} surfels, {shading}: {worst:.4}");
+                assert!(worst < 0.02, "{surfels} surfels, {shading}, {direction}: {worst}");
+            }
+        }
+    }
+    let mut scene = from_above(vec![square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.03)], [96, 64]);
+    let (sine, cosine) = 85_f64.to_radians().sin_cos();
+    scene.lights = vec![Light::directional(DVec3::new(sine, -cosine, 0.0), DVec3::splat(10.0)).with_shadows()];
+    let worst = worst_square(&render(&scene, &options), &render(&scene, &shadowless));
+    println!("grazed plane: {worst:.4}");
+    assert!(worst < 0.02, "{worst}");
+}
+
+/// A small ball on the floor, and a thin sheet just above it, keep their shadows to the foot.
+#[test]
+fn contacts_stay_dark() {
+    let floor = square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.02);
+    let sheet = square([-0.1, -0.1], [0.1, 0.1], 0.02, 0.01);
+    let mut scene = from_above(vec![floor, sheet], [96, 64]);
+    scene.lights = vec![Light::directional(DVec3::new(1.0, -0.6, 0.0).normalize(), DVec3::ONE).with_shadows()];
+    let picture = render(&scene, &samples(16));
+    let pixel = 2.0 * half_height() / 64.0;
+    // The shadow reaches 1 / .6 of the sheet's height beyond its edge.
+    let column = |x: f64| (x / pixel + 48.0) as usize;
+    let dark: Vec<f32> = (column(0.112)..column(0.122)).map(|x| picture.rgba[32 * 96 + x][0]).collect();
+    println!("{dark:?}");
+    assert!(!dark.is_empty() && dark.iter().all(|&light| light < 0.1), "{dark:?}");
+}
+
+#[test]
+fn shadows_do_not_depend_on_threads_and_memory() {
+    let mut scene = scene(
+        vec![white(sphere(20_000)), square([-3.0, -3.0], [3.0, 3.0], -1.0, 0.1)],
+        [160, 120],
+        DVec3::new(0.0, 1.0, 5.0),
+        40.0,
+    );
+    scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::X }];
+    scene.lights = vec![
+        Light::directional(DVec3::new(-0.4, -1.0, -0.5).normalize(), DVec3::ONE).with_shadows(),
+        Light::point(DVec3::new(1.0, 3.0, 2.0), DVec3::splat(3.0)).with_shadows(),
+    ];
+    let options = RenderOptions {
+        quality: BlurMode::Bucket {
+            buckets: 3,
+            samples: 1,
+            pixel_samples: None,
+            interleave: splatblur::options::Interleave::None,
+            times: splatblur::options::Times::Even,
+        }
+        .into(),
+        ..RenderOptions::default()
+    };
+    let in_pool = |threads: usize, options: &RenderOptions| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| render(&scene, options)).rgba
+    };
+    let whole = in_pool(2, &options);
+    assert!(whole == in_pool(1, &options));
+    let mut needed = options.clone();
+    needed.memory = 1;
+    let Err(BackendError::Memory { needed: least, .. }) = render_frame(&mut Cpu::default(), &scene, 0, &needed) else {
+        panic!("one byte is enough")
+    };
+    needed.memory = least;
+    assert!(whole == in_pool(1, &needed));
+}
+
+/// What has no shadows says so, and leaves them out where it is told to.
+#[test]
+fn what_has_no_shadows_refuses_them() {
+    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
+    let swept = RenderOptions { quality: "volumetric:2".parse().unwrap(), ..RenderOptions::default() };
+    let refused = render_frame(&mut Cpu::default(), &scene, 0, &swept);
+    assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{refused:?}");
+    let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..swept };
+    render(&scene, &without);
+    let buckets = RenderOptions { quality: "bucket:2x4".parse().unwrap(), ..RenderOptions::default() };
+    let refused = render_frame(&mut Cpu::default(), &scene, 0, &buckets);
+    assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{refused:?}");
+    scene.objects[0].blur = false;
+    render(&scene, &samples(1));
+    scene.camera.motions = vec![Motion::Linear { velocity: DVec3::X }];
+    let refused = render_frame(&mut Cpu::default(), &scene, 0, &samples(1));
+    assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{refused:?}");
+}
+
+/// Lights that are inside a model, infinitely far or wide, or huge: a finite picture.
+#[test]
+fn strange_lights_give_finite_pictures() {
+    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    let directional = |angle: f64| Light::Directional {
+        direction: -DVec3::Y,
+        colour: DVec3::ONE,
+        angle: angle.to_radians(),
+        shadows: true,
+    };
+    let point = |position, radius| Light::Point { position, colour: DVec3::ONE, radius, shadows: true };
+    let lights = [
+        directional(0.0),
+        directional(180.0),
+        point(DVec3::ZERO, 0.0),
+        point(DVec3::new(0.0, 0.0, 1.0), 0.0),
+        point(DVec3::splat(1e30), 1.0),
+        point(DVec3::ZERO, 1e30),
+        point(DVec3::new(0.0, 0.0, 4.0), 0.0),
+    ];
+    for light in lights {
+        scene.lights = vec![light];
+        let picture = render(&scene, &samples(4));
+        assert!(picture.rgba.iter().flatten().all(|value| value.is_finite()), "{light:?}");
+    }
+    scene.lights = vec![directional(1.0); 20];
+    render(&scene, &samples(1));
+    scene.lights = vec![directional(1.0); 1_000_000];
+    let refused = render_frame(&mut Cpu::default(), &scene, 0, &samples(1));
+    assert!(matches!(refused, Err(BackendError::Memory { .. })), "{refused:?}");
+}
+
+/// Each must show the shadow that the reference shows: a disc that reaches beyond the camera as the floor, a light
+/// along the camera's right, a far point light, a tolerance of 0.
+#[test]
+fn hard_scenes_have_the_shadows_of_the_reference() {
+    let ball = || {
+        let mut ball = white(sphere(4000));
+        ball.transform.scale = DVec3::splat(0.3);
+        ball
+    };
+    let disc = || white(round_surfels([(DVec3::new(0.0, -0.3, 0.0), DVec3::Y, 30.0, Vec3::ONE)]));
+    let fine = || square([-3.0, -3.0], [3.0, 3.0], -0.3, 0.05);
+    let sun = |direction: DVec3| Light::Directional {
+        direction: direction.normalize(),
+        colour: DVec3::ONE,
+        angle: 0.0,
+        shadows: true,
+    };
+    let slanted = DVec3::new(0.5, -1.0, -0.2);
+    let far =
+        |distance: f64| Light::point(-slanted.normalize() * distance, DVec3::splat(distance * distance)).with_shadows();
+    let mut exact = fine();
+    exact.epsilon = Some(0.0);
+    let cases = [
+        ("large disc", disc(), sun(slanted)),
+        ("along the camera's right", fine(), sun(DVec3::new(1.0, -0.2, 1.0))),
+        ("far point", fine(), far(1e4)),
+        ("farther point", fine(), far(5e5)),
+        ("tolerance 0", exact, sun(slanted)),
+        ("near point", fine(), Light::point(DVec3::new(-0.4, 0.5, 0.1), DVec3::ONE).with_shadows()),
+    ];
+    for (name, floor, light) in cases {
+        let mut scene = scene(vec![floor, ball()], [96, 64], DVec3::new(-2.0, 1.0, 2.0), 40.0);
+        scene.camera.at = DVec3::new(0.0, -0.1, 0.0);
+        scene.lights = vec![light];
+        let traced = ReferenceOptions { samples: 64, ..ReferenceOptions::default() };
+        let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
+        let worst = worst_square(&render(&scene, &samples(64)), &truth);
+        let lit = {
+            scene.lights = vec![light];
+            let look = Look { shadows: false, ..Look::default() };
+            worst_square(&render(&scene, &RenderOptions { look, ..samples(16) }), &truth)
+        };
+        println!("{name}: worst {worst:.4}, without shadows {lit:.3}");
+        assert!(worst < 0.02 && lit > 0.1, "{name}: {worst}, without shadows {lit}");
+    }
+}
