@@ -259,6 +259,21 @@ fn what_has_no_shadows_refuses_them() {
     assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{refused:?}");
 }
 
+#[cfg(feature = "gpu")]
+#[test]
+fn the_gpu_refuses_shadows() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_refuses_shadows") else { return };
+    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
+    for quality in ["supersample:2", "auto"] {
+        let options = RenderOptions { quality: quality.parse().unwrap(), ..RenderOptions::default() };
+        let refused = render_frame(&mut gpu, &scene, 0, &options);
+        assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{quality}: {refused:?}");
+        let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..options };
+        render_frame(&mut gpu, &scene, 0, &without).unwrap();
+    }
+}
+
 /// Lights that are inside a model, infinitely far or wide, or huge: a finite picture.
 #[test]
 fn strange_lights_give_finite_pictures() {

@@ -205,6 +205,10 @@ impl Slice {
         };
         let corners: [Vec3; 8] = std::array::from_fn(corner);
         let farthest = corners.iter().map(|corner| corner.z).fold(f32::NEG_INFINITY, f32::max);
+        // What is behind a face is on another.
+        if view.is_point && farthest <= 0.0 {
+            return Self { bounds: NOTHING.bounds, farthest };
+        }
         // Beside a light that is a point, space is no part of a face.
         if view.is_point && corners.iter().any(|corner| corner.z <= 1e-3 * corner.length()) {
             return Self { bounds: [[-1.0, 1.0]; 2], farthest };

@@ -1,7 +1,7 @@
 //! Shadow maps: what each light with shadows sees at a time sample, and whether it sees a place.
 //!
 //! In: the posed surfels of all opaque objects, seen by the camera or not. Out: for each light, maps of the depth at
-//! which its light ends. Order-free. Math: docs/math.md, section 16.
+//! which its light ends. Order-free. Math: docs/math.md, section 17.
 //!
 //! A map keeps the surfel whose plane, moved away from the light by the depth tolerance of its object, comes first in a
 //! texel. A place is lit if it is not behind that plane on the ray of its own. So a surface casts no shadow on itself,
