@@ -49,13 +49,10 @@ impl ShadowMap {
         self.area.size[0] == 0
     }
 
-    /// Draws all surfels of `runs`. The memory of an earlier map is used again.
+    /// Draws all surfels of `runs` onto an area that is not empty. The memory of an earlier map is used again.
     pub(super) fn draw(&mut self, area: MapArea, view: &LightView, runs: &[Run<'_>]) {
         self.area = area;
         let [columns, rows] = area.size;
-        if columns == 0 {
-            return;
-        }
         self.casters.resize_with(runs.len().max(self.casters.len()), Vec::new);
         self.casters.par_iter_mut().skip(runs.len()).for_each(Vec::clear);
         self.casters.par_iter_mut().zip(runs).for_each(|(casters, run)| {

@@ -27,7 +27,7 @@ use crate::sampling::hash;
 use crate::scene::SurfelModel;
 use crate::shading::ShadingLight;
 
-/// Most texels of all maps of a light, as a share of the pixels of the image; and the least such number.
+/// Most texels of all maps of a light for each pixel of the image; and the least such number.
 const TEXELS_OF_PIXEL: u64 = 8;
 const LEAST_TEXELS: u64 = 1 << 20;
 

@@ -73,7 +73,7 @@ fn programs_have_every_file() {
     assert!(FILES.iter().all(|(_, text)| all.iter().any(|other| other == text)), "a file was built in, and is gone");
 }
 
-/// Each program names its function on the CPU, and the file of one says the same.
+/// Each program names a function of the CPU that is there.
 #[test]
 fn functions_of_the_cpu_are_there() {
     for row in &TABLE {
