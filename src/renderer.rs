@@ -375,19 +375,12 @@ fn has_shadows(scene: &Scene, options: &RenderOptions) -> bool {
 }
 
 /// Refuses what has no shadows.
-fn check_shadows(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
-    let refused = |what, instead| Err(BackendError::Shadows { what, instead });
-    match options.quality {
-        Quality::Mode(BlurMode::Volumetric { .. }) => refused("mode `volumetric` has", "`supersample` or `auto`"),
-        // A map shows one time, at which what moves would hide itself at others.
-        Quality::Mode(BlurMode::Bucket { samples: 2.., .. }) => {
-            refused("mode `bucket` with several samples a bucket has", "`supersample` or `auto`")
-        }
-        _ if !scene.camera.rests() && scene.objects.iter().any(|object| !object.blur) => {
-            refused("`blur=\"false\"` before a camera that moves has", "a camera that rests")
-        }
-        _ => Ok(()),
+fn check_shadows(scene: &Scene) -> Result<(), BackendError> {
+    if !scene.camera.rests() && scene.objects.iter().any(|object| !object.blur) {
+        let what = "`blur=\"false\"` before a camera that moves has";
+        return Err(BackendError::Shadows { what, instead: "a camera that rests" });
     }
+    Ok(())
 }
 
 /// Refuses what does not go together.
@@ -401,7 +394,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
         return Err(BackendError::RollingShutter);
     }
     if has_shadows(scene, options) {
-        check_shadows(scene, options)?;
+        check_shadows(scene)?;
     }
     let transparent = |object: &&Object| object.shape.is_composited() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);

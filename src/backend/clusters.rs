@@ -59,19 +59,20 @@ pub(super) struct Clusters(Vec<Cluster>);
 
 /// Neighbouring surfels, in model space.
 #[derive(Clone, Copy, Debug)]
-struct Cluster {
+pub(super) struct Cluster {
     /// Least and greatest corner of their kernels; a kernel that is not finite shows nothing.
-    corners: [Vec3; 2],
+    pub corners: [Vec3; 2],
     /// About the mean direction of their normals, u x v.
-    axis: Vec3,
+    pub axis: Vec3,
     /// Greatest angle of a normal to the axis; more than half a turn where it is not known.
-    spread: f32,
+    pub spread: f32,
 }
 
 impl Cluster {
-    fn of(position: &[Vec3], u: &[Vec3], v: &[Vec3]) -> Self {
+    /// Surfels with these centres and axes.
+    pub(super) fn of(position: impl IntoIterator<Item = Vec3>, u: &[Vec3], v: &[Vec3]) -> Self {
         let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        for (p, (u, v)) in position.iter().zip(u.iter().zip(v)) {
+        for (p, (u, v)) in position.into_iter().zip(u.iter().zip(v)) {
             let extent = u.abs() + v.abs();
             if p.is_finite() && extent.is_finite() {
                 corners = [corners[0].min(p - extent), corners[1].max(p + extent)];
@@ -104,9 +105,14 @@ impl Clusters {
                 .position
                 .par_chunks(CLUSTER_SURFELS)
                 .zip(axes)
-                .map(|(position, (u, v))| Cluster::of(position, u, v))
+                .map(|(position, (u, v))| Cluster::of(position.iter().copied(), u, v))
                 .collect(),
         )
+    }
+
+    /// Cluster `index`; `None` where clusters are not known.
+    pub(super) fn get(&self, index: usize) -> Option<Cluster> {
+        self.0.get(index).copied()
     }
 
     /// May cluster `index` show anything? `one_sided`: only what faces the eye does.

@@ -4,13 +4,11 @@
 
 use glam::Mat3;
 
-use super::tiles::{LANES, STRIDE, TileRect};
+use super::tiles::{LANES, Lanes, STRIDE, TileRect};
 use super::values::unit;
 use crate::environment::Surroundings;
 use crate::frame::Raster;
 use crate::shading::mirrored;
-
-type Lanes = [f32; LANES];
 
 /// The sums of a pixel's row, channel by channel, and of the row that makes a pair with it.
 #[derive(Clone, Copy, Debug)]

@@ -296,14 +296,8 @@ impl Executor<'_> {
     /// One group of opaque surfels. With `shares_rest`, what is at rest is made once for all groups of the position.
     fn paint<K: Kernel>(&mut self, group: usize, shares_rest: bool, splats: fn(&mut Memory) -> &mut Splats<K>) {
         let scope = self.place.scope(group, self.place.band);
-        let mut shadows = std::mem::take(&mut self.memory.shadows);
-        let has_shadows = self.place.frame.has_shadows();
-        if has_shadows {
-            let start = Instant::now();
-            shadows.draw(scope.frame, &scope.group.samples[scope.group.samples.len() / 2], scope.raster);
-            scope.clocks.visibility.add(start);
-        }
-        let scope = Scope { shadows: has_shadows.then_some(&shadows), ..scope };
+        let shadows = self.shadows(&scope);
+        let scope = Scope { shadows: shadows.as_ref(), ..scope };
         let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
         let mut own = std::mem::take(splats(self.memory));
         let Memory { buffers, transparent, at_rest: films, .. } = &mut *self.memory;
@@ -326,7 +320,21 @@ impl Executor<'_> {
         let at_hand = runner.run(&mut own.binned, buffers, &mut tiles);
         own.at_rest = if shares_rest { at_rest.min(at_hand) } else { 0 };
         *splats(self.memory) = own;
-        self.memory.shadows = shadows;
+        self.memory.shadows = shadows.unwrap_or_default();
+    }
+
+    /// The shadow maps of a group; `None` where no light has shadows. All its samples share those of the middle one, as
+    /// they share its shading.
+    fn shadows(&mut self, scope: &Scope<'_>) -> Option<Shadows> {
+        if !self.place.frame.has_shadows() {
+            return None;
+        }
+        let start = Instant::now();
+        let mut shadows = std::mem::take(&mut self.memory.shadows);
+        let sample = &scope.group.samples[scope.group.samples.len() / 2];
+        shadows.draw(scope.frame, sample, scope.raster, scope.clusters);
+        scope.clocks.visibility.add(start);
+        Some(shadows)
     }
 
     /// The map of a group, with `guard` pixels around the band.
@@ -343,12 +351,15 @@ impl Executor<'_> {
     /// The published kernels in motion of an interval.
     fn published_sweep(&mut self, group: usize, interval: &PosedInterval, kernel: SweptKernel) {
         let scope = self.place.scope(group, self.place.band);
+        let shadows = self.shadows(&scope);
+        let scope = Scope { shadows: shadows.as_ref(), ..scope };
         let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
         let Memory { buffers, map, kernels, .. } = &mut *self.memory;
         let work = PublishedSweepGroup { scope, interval, kernel, map };
         let (passes, splat_bytes) = (&PublishedSweepPass::ORDER, self.budget.splat_bytes);
         TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
             .run(kernels, buffers, self.film);
+        self.memory.shadows = shadows.unwrap_or_default();
     }
 
     /// Captures, volumes and the layers of see-through surfels, over the picture of the same group.
@@ -390,6 +401,8 @@ impl Executor<'_> {
     /// The kernels in motion of an interval.
     fn sweep(&mut self, group: usize, interval: &PosedInterval, kernel: SweptKernel) {
         let scope = self.place.scope(group, self.place.band);
+        let shadows = self.shadows(&scope);
+        let scope = Scope { shadows: shadows.as_ref(), ..scope };
         let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
         normalise(self.place.frame, false);
         let Memory { kernels, buffers, .. } = &mut *self.memory;
@@ -397,6 +410,7 @@ impl Executor<'_> {
         let (passes, splat_bytes) = (&SweepPass::ORDER, self.budget.splat_bytes);
         TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
             .run(kernels, buffers, self.film);
+        self.memory.shadows = shadows.unwrap_or_default();
     }
 }
 

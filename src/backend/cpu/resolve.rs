@@ -4,7 +4,7 @@
 
 use super::mirror::{Mirror, Rows, rays};
 use super::shadows::Shadows;
-use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
+use super::tiles::{LANES, Lanes, ROWS, STRIDE, TILE, TileRect, lanes};
 use super::values::{add_lobes, unit};
 use crate::environment::Surroundings;
 use crate::film::{Film, FilmPlanes};
@@ -114,8 +114,6 @@ pub(in crate::backend) struct Resolve<'a> {
     /// `None`: no light has any.
     pub shadows: Option<&'a Shadows>,
 }
-
-type Lanes = [f32; LANES];
 
 dispatch! {
     /// Adds the sums of one group or interval to `film`, where they cover each pixel for the share `coverage` of the
@@ -231,11 +229,13 @@ fn shade_lanes(
     for (number, light) in resolve.sample.lights.iter().enumerate() {
         let mut seen = [1.0; LANES];
         if let (Some(shadows), Some(depth), true) = (resolve.shadows, depth, light.has_shadows()) {
-            for l in 0..LANES {
-                let place = [ray[0][l] * depth[l], ray[1][l] * depth[l], ray[2][l] * depth[l]];
-                let normal = [normal[0][l], normal[1][l], normal[2][l]];
-                seen[l] = shadows.lit(number, light, normal, place, depth[l]);
+            let mut place = [[0.0; LANES]; 3];
+            for c in 0..3 {
+                for l in 0..LANES {
+                    place[c][l] = ray[c][l] * depth[l];
+                }
             }
+            seen = shadows.seen(number, light, normal, &place, depth);
         }
         match *light {
             ShadingLight::Ambient { colour: la } => {

@@ -6,6 +6,8 @@ use crate::frame::PixelRect;
 pub(in crate::backend) const TILE: usize = 32;
 /// Pixels that inner loops work on at once.
 pub(in crate::backend) const LANES: usize = 8;
+/// A number for each of so many neighbours.
+pub(in crate::backend) type Lanes = [f32; LANES];
 /// Floats from one row of a tile buffer to the next: loops may start at any pixel and write `LANES` of them.
 pub(in crate::backend) const STRIDE: usize = TILE + LANES;
 /// Rows of a tile buffer: loops may start at any row and write two.

@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::land::Strip;
 use super::project::transform;
 use super::shadows::Shadows;
-use super::tiles::LANES;
+use super::tiles::{LANES, Lanes};
 use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
@@ -97,8 +97,6 @@ pub(in crate::backend) fn values<S: Faced>(splats: &[S], shown: &Shown<'_>, out:
         values_of_lanes(&faces, &times, shown, out);
     }
 }
-
-type Lanes = [f32; LANES];
 
 dispatch! {
     fn values_of_lanes(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Shown<'_>, out: &mut [f32]) =
@@ -195,11 +193,11 @@ fn lit(
     for (number, light) in shown.sample.lights.iter().enumerate() {
         let mut seen = [1.0; LANES];
         if let (Some(shadows), true) = (shown.shadows, light.has_shadows()) {
+            let mut depth = [0.0; LANES];
             for l in 0..LANES {
-                let place = [position[0][l], position[1][l], position[2][l]];
-                let normal = [normal[0][l], normal[1][l], normal[2][l]];
-                seen[l] = shadows.lit(number, light, normal, place, -axis.dot(Vec3::from(place)));
+                depth[l] = -(axis.x * position[0][l] + axis.y * position[1][l] + axis.z * position[2][l]);
             }
+            seen = shadows.seen(number, light, normal, position, &depth);
         }
         match *light {
             ShadingLight::Ambient { colour: of_light } => {

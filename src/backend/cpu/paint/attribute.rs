@@ -9,7 +9,7 @@ use super::kernel::{Kernel, RasterRays};
 use crate::backend::cpu::attribute::{Attributes, add_patch};
 use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
-use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
+use crate::backend::cpu::tiles::{LANES, Lanes, STRIDE, TileRect};
 use crate::layout::FLAG_BACK;
 use crate::math::simd::dispatch;
 
@@ -96,8 +96,6 @@ fn attribute_body<K: Kernel>(
         }
     }
 }
-
-type Lanes = [f32; LANES];
 
 /// Adds one splat, a patch of `W` columns at a time. `NEAREST`: its object has its own limit. `PEELS`: one layer is
 /// peeled off, from the floor to T. What lies behind has other layers.

@@ -3,7 +3,8 @@
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use super::Run;
+use super::cells::{Cells, Ground};
+use super::run::Run;
 use super::view::LightView;
 use crate::backend::cpu::tiles::LANES;
 use crate::frame::{Frame, PosedSample, Raster};
@@ -14,17 +15,21 @@ pub(super) const SLICES: usize = 80;
 /// Most texels of a side of a map.
 const MOST_SIDE: f64 = 65_000.0;
 
-/// The slice of a depth.
+/// Greatest radius of a run that is fitted as a whole, pixels.
+const SMALL: f32 = 16.0;
+/// What pixels show of a surfel reaches beyond it: factor on how much farther behind the ground its edge is.
+const SLACK: f32 = 1.5;
+
+/// The slice of a depth. What is nearer than the first, and what is not a number, is in the first. Without branches:
+/// loops over lanes ask it.
+#[inline(always)]
 pub(super) fn slice_of(depth: f32, near: f32) -> usize {
     let times = depth / near;
-    // What is nearer, and what is not a number, is in the first.
-    if times.is_nan() || times <= 1.0 {
-        return 0;
-    }
-    // The exponent of two, and whether the rest is above its root.
     let bits = times.to_bits();
-    let half = usize::from(bits & 0x007f_ffff > 0x0035_04f3);
-    (2 * ((bits >> 23) as usize - 127) + half).min(SLICES - 1)
+    // The exponent of two, and whether the rest is above its root.
+    let half = u32::from(bits & 0x007f_ffff > 0x0035_04f3);
+    let slice = (2 * (bits >> 23)).wrapping_sub(2 * 127).wrapping_add(half).min(SLICES as u32 - 1);
+    (slice & 0_u32.wrapping_sub(u32::from(times > 1.0))) as usize
 }
 
 /// What a view of a light shows of receivers in a slice.
@@ -63,11 +68,11 @@ pub(super) struct MapArea {
 }
 
 impl MapArea {
-    /// May it show anything of a disc at this place?
-    pub(super) fn touches(&self, place: Vec3, radius: f32) -> bool {
+    /// May it show anything within a rectangle of the plane?
+    pub(super) fn touches(&self, bounds: [[f32; 2]; 2]) -> bool {
         (0..2).all(|c| {
-            let [low, high] = [self.first[c], self.first[c] + self.texel * self.size[c] as f32];
-            place[c] + radius >= low && place[c] - radius <= high
+            let last = self.first[c] + self.texel * self.size[c] as f32;
+            bounds[c][1] >= self.first[c] && bounds[c][0] <= last
         })
     }
 }
@@ -75,6 +80,10 @@ impl MapArea {
 /// What the views of a light show of receivers, view by view and slice by slice.
 pub(super) struct Fit {
     seen: Vec<Seen>,
+    /// What receives shadows there.
+    pub cells: Vec<Cells>,
+    /// The ground, as each view has it.
+    pub grounds: Vec<Ground>,
     is_point: bool,
 }
 
@@ -129,35 +138,50 @@ impl Fit {
             let reaches = (depth + radius).is_finite() && depth + radius >= frame.near;
             reaches && !outside(0) && !outside(1) && is_wanted(at, depth, radius)
         };
-        let of_run = |run: &Run<'_>| {
-            let mut seen = nothing();
-            if !sees(run.middle, run.reach) {
+        let seen_runs: Vec<_> = runs.iter().filter(|run| sees(run.middle, run.reach)).collect();
+        let depth = |place: Vec3| -(camera * place).z;
+        let weight = |run: &Run<'_>| (run.reach / depth(run.middle).max(frame.near)).powi(2);
+        let weights: Vec<_> = seen_runs.iter().map(|run| (*run, weight(run))).collect();
+        let plane = Ground::vote(&weights);
+        let grounds: Vec<_> = views.iter().map(|view| Ground::seen_by(view, plane)).collect();
+        // Something that the camera sees receives shadows: how far it is behind the ground depends on the view.
+        let receive = |seen: &mut [Seen], centre: Vec3, radius: f32, half: &dyn Fn(usize) -> f32| {
+            let depth = depth(centre);
+            let (from, to) = ((depth - radius).max(frame.near), depth + radius);
+            for (number, view) in views.iter().enumerate() {
+                let place = view.place(centre);
+                let Some(shown) = on_view(view, place, radius) else { continue };
+                let [_, behind] = grounds[number].behind(place, radius, half(number));
+                for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
+                    let nearest = from.max(frame.near * starts[slice]);
+                    let at = number * SLICES + slice;
+                    if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
+                        seen[at] = seen[at].and(shown);
+                        slices[at].cells.receive(shown.bounds, behind);
+                    }
+                }
+            }
+        };
+        let of_run = |mut seen: Vec<Seen>, run: &&Run<'_>| {
+            // A small one is like a surfel.
+            let nearest = depth(run.middle) - run.reach;
+            if nearest > frame.near && run.reach * raster.focal <= SMALL * nearest {
+                receive(&mut seen, run.middle, run.reach, &|view| SLACK * grounds[view].of_box(run.half));
                 return seen;
             }
-            for (i, &centre) in run.centres.iter().enumerate() {
-                let radius = run.radius(i);
-                if !sees(centre, radius) {
-                    continue;
-                }
-                let depth = -(camera * centre).z;
-                let (from, to) = ((depth - radius).max(frame.near), depth + radius);
-                for (number, view) in views.iter().enumerate() {
-                    let place = view.place(centre);
-                    let Some(shown) = on_view(view, place, radius) else { continue };
-                    for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
-                        let nearest = from.max(frame.near * starts[slice]);
-                        let at = number * SLICES + slice;
-                        if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
-                            seen[at] = seen[at].and(shown);
-                        }
-                    }
+            let by_view: Vec<_> = views.iter().map(|view| run.seen_by(view)).collect();
+            for i in 0..run.len {
+                let (centre, radius) = (run.centre(i), run.radius(i));
+                if sees(centre, radius) {
+                    receive(&mut seen, centre, radius, &|view| SLACK * grounds[view].of_disc(by_view[view].axes(i)));
                 }
             }
             seen
         };
         let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
-        let seen = runs.par_iter().map(of_run).reduce(nothing, join);
-        Self { seen, is_point: views.iter().any(|view| view.is_point) }
+        let seen = seen_runs.par_iter().fold(nothing, of_run).reduce(nothing, join);
+        let cells = slices.into_iter().map(|slice| slice.cells).collect();
+        Self { seen, cells, grounds, is_point: views.iter().any(|view| view.is_point) }
     }
 
     /// The areas of maps whose texels are at most as large as a pixel of what they show; larger where all together
@@ -194,6 +218,8 @@ struct Slice {
     bounds: [[f32; 2]; 2],
     /// Greatest distance along the axis of the view.
     farthest: f32,
+    /// The same bounds in cells.
+    cells: Cells,
 }
 
 impl Slice {
@@ -207,11 +233,12 @@ impl Slice {
         let farthest = corners.iter().map(|corner| corner.z).fold(f32::NEG_INFINITY, f32::max);
         // What is behind a face is on another.
         if view.is_point && farthest <= 0.0 {
-            return Self { bounds: NOTHING.bounds, farthest };
+            return Self { bounds: NOTHING.bounds, farthest, cells: Cells::new(NOTHING.bounds) };
         }
         // Beside a light that is a point, space is no part of a face.
         if view.is_point && corners.iter().any(|corner| corner.z <= 1e-3 * corner.length()) {
-            return Self { bounds: [[-1.0, 1.0]; 2], farthest };
+            let bounds = [[-1.0, 1.0]; 2];
+            return Self { bounds, farthest, cells: Cells::new(bounds) };
         }
         let bounds = [0, 1].map(|c: usize| {
             let on_plane = |corner: &Vec3| if view.is_point { corner[c] / corner.z } else { corner[c] };
@@ -220,7 +247,7 @@ impl Slice {
             let margin = 1e-3 * (most - least);
             [least - margin, most + margin]
         });
-        Self { bounds, farthest }
+        Self { bounds, farthest, cells: Cells::new(bounds) }
     }
 
     /// What it shows of something with these bounds; `None` where that is beside it.
@@ -235,7 +262,7 @@ impl Slice {
 }
 
 /// The bounds of a ball on the plane of a view; `None` where it is beside or behind.
-fn on_view(view: &LightView, place: Vec3, radius: f32) -> Option<[[f32; 2]; 2]> {
+pub(super) fn on_view(view: &LightView, place: Vec3, radius: f32) -> Option<[[f32; 2]; 2]> {
     if !view.is_point {
         return Some([0, 1].map(|c: usize| [place[c] - radius, place[c] + radius]));
     }

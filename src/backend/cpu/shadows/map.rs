@@ -3,10 +3,11 @@
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use super::fit::MapArea;
+use super::cells::{Cells, Ground};
+use super::fit::{MapArea, on_view};
+use super::run::{RUN, Run, SeenRun};
 use super::view::LightView;
-use super::{GRAZING, ROUNDING, Run};
-use crate::backend::cpu::chunk::CHUNK;
+use super::{GRAZING, ROUNDING};
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 
@@ -32,11 +33,13 @@ pub(super) struct Caster {
 #[derive(Debug, Default)]
 pub(super) struct ShadowMap {
     area: MapArea,
+    /// Texels to a unit of length.
+    scale: f32,
     /// Run by run.
     casters: Vec<Vec<Caster>>,
     /// Row by row: the least distance, tolerance included, at which light ends; infinite where nothing stops it.
     end: Vec<f32>,
-    /// The caster that stops it: the number of its run times [`CHUNK`], and its place in it.
+    /// The caster that stops it: the number of its run times [`RUN`], and its place in it.
     caster: Vec<u32>,
     /// Texels from one row to the next.
     stride: usize,
@@ -49,19 +52,25 @@ impl ShadowMap {
         self.area.size[0] == 0
     }
 
-    /// Draws all surfels of `runs` onto an area that is not empty. The memory of an earlier map is used again.
-    pub(super) fn draw(&mut self, area: MapArea, view: &LightView, runs: &[Run<'_>]) {
-        self.area = area;
-        let [columns, rows] = area.size;
+    /// Surfels that are drawn on it.
+    #[cfg(test)]
+    pub(super) fn casters(&self) -> usize {
+        self.casters.iter().map(Vec::len).sum()
+    }
+
+    /// Draws the surfels of `runs` that may cast a shadow onto what receives one in an area that is not empty. The
+    /// memory of an earlier map is used again.
+    pub(super) fn draw(&mut self, on: &Onto<'_>, runs: &[Run<'_>]) {
+        self.area = *on.area;
+        self.scale = 1.0 / self.area.texel;
+        let [columns, rows] = self.area.size;
+        let runs: Vec<_> = runs.par_iter().filter(|run| on.may_show(run)).collect();
         self.casters.resize_with(runs.len().max(self.casters.len()), Vec::new);
         self.casters.par_iter_mut().skip(runs.len()).for_each(Vec::clear);
-        self.casters.par_iter_mut().zip(runs).for_each(|(casters, run)| {
+        self.casters.par_iter_mut().zip(&runs).for_each(|(casters, run)| {
             casters.clear();
-            if !view.is_point && !area.touches(view.place(run.middle), run.reach) {
-                return;
-            }
-            let caster = |i: usize| Caster::of(run, i, view, &area);
-            casters.extend((0..run.centres.len()).filter_map(caster));
+            let seen = run.seen_by(on.view);
+            casters.extend((0..run.len).filter_map(|i| Caster::of(&seen, i, on)));
         });
         // A row has room for the lanes that begin at its last texel.
         self.stride = columns + LANES;
@@ -76,11 +85,12 @@ impl ShadowMap {
         });
     }
 
-    /// Does light reach `place`, relative to the eye in world axes? It does outside the map.
-    pub(super) fn lights(&self, view: &LightView, place: Vec3) -> bool {
-        let [x, y, distance] = view.on_plane(place);
-        let MapArea { first, texel, size } = self.area;
-        let [x, y] = [(x - first[0]) / texel, (y - first[1]) / texel];
+    /// Does light reach `place`, relative to the eye in world axes, which lies there on the plane of the view? It does
+    /// outside the map.
+    #[inline(always)]
+    pub(super) fn lights(&self, [x, y, distance]: [f32; 3], place: Vec3, is_point: bool) -> bool {
+        let MapArea { first, size, .. } = self.area;
+        let [x, y] = [(x - first[0]) * self.scale, (y - first[1]) * self.scale];
         if !(x >= 0.0 && y >= 0.0) {
             return true;
         }
@@ -96,34 +106,70 @@ impl ShadowMap {
         let end = caster.plane.dot(Vec3::new(x - 0.5, y - 0.5, 1.0)) + caster.tolerance;
         // Of -1 / distance that of the distance, over its square.
         let (size, scale) = (place.length(), distance.abs());
-        let rounding = ROUNDING * if view.is_point { scale * (1.0 + size * scale) } else { size + scale };
+        let rounding = ROUNDING * if is_point { scale * (1.0 + size * scale) } else { size + scale };
         distance <= end + rounding
     }
 }
 
+/// What a map is drawn onto.
+pub(super) struct Onto<'a> {
+    pub area: &'a MapArea,
+    pub view: &'a LightView,
+    pub cells: &'a Cells,
+    pub ground: &'a Ground,
+}
+
+impl Onto<'_> {
+    /// May a run cast a shadow onto anything that receives one?
+    fn may_show(&self, run: &Run<'_>) -> bool {
+        let (place, extent) = (self.view.place(run.middle), self.view.extent(run.half));
+        let bounds = if self.view.is_point {
+            on_view(self.view, place, run.reach)
+        } else {
+            Some([0, 1].map(|c: usize| [place[c] - extent[c], place[c] + extent[c]]))
+        };
+        let tolerance = self.ground.moved(run.object.epsilon, place.length() + run.reach, place.z + run.reach);
+        let behind = || self.ground.behind(place, run.reach, self.ground.of_box(run.half))[0] + tolerance;
+        bounds.is_some_and(|bounds| self.area.touches(bounds) && !self.hides(bounds, behind()))
+    }
+
+    /// Is what receives shadows within a rectangle before what lies so far behind the ground at the least? A texel
+    /// shows its middle alone: it counts as reaching beyond the rectangle.
+    fn hides(&self, bounds: [[f32; 2]; 2], behind: f32) -> bool {
+        let texel = self.area.texel;
+        self.cells.hides(bounds.map(|[low, high]| [low - texel, high + texel]), behind)
+    }
+}
+
 impl Caster {
-    /// Surfel `i`; `None` where the area shows nothing of it. It casts with both sides, whichever of them shows: each
-    /// sheet has a shadow, and the backs of a closed model lie behind its fronts.
-    fn of(run: &Run<'_>, i: usize, view: &LightView, area: &MapArea) -> Option<Self> {
-        let c = view.place(run.centres[i]);
-        if !view.is_point && !area.touches(c, run.most_radius) {
-            return None;
-        }
-        let [u, v] = run.axes(i).map(|axis| view.turned(axis));
+    /// Surfel `i` of a run; `None` where no shadow of it is seen. It casts with both sides, whichever of them shows,
+    /// but for the backs of a closed model: they lie behind its fronts.
+    fn of(run: &SeenRun<'_>, i: usize, on: &Onto<'_>) -> Option<Self> {
+        let Onto { area, view, ground, .. } = on;
+        let c = run.caster(i)?;
+        let [u, v] = run.axes(i);
         // What is beside a face of the cube is on another.
         let radius = (u.length_squared() + v.length_squared()).sqrt();
         let beside = |x: f32| x.abs() * BEYOND_FACE - c.z > std::f32::consts::SQRT_2 * radius;
         if view.is_point && (beside(c.x) || beside(c.y) || c.z <= -radius) {
             return None;
         }
+        let covered = covered(c, [u, v], view);
+        if !area.touches(covered) {
+            return None;
+        }
         let normal = u.cross(v);
         let along = if view.is_point { normal.dot(c) / c.length() } else { normal.z };
-        let bounds = bounds(c, [u, v], view, area)?;
+        let cosine = (along / normal.length()).abs().max(GRAZING);
+        let rounding = ROUNDING * (run.run.centre(i).length() + c.length());
+        let tolerance = run.run.object.epsilon.max(rounding) / cosine;
+        let moved = ground.moved(tolerance, c.length(), c.z + radius);
+        if on.hides(covered, ground.behind(c, radius, ground.of_disc([u, v]))[0] + moved) {
+            return None;
+        }
+        let bounds = texels(covered, area)?;
         let (disc, plane) =
             if view.is_point { seen_from_point(c, [u, v], area) } else { seen_parallel(c, [u, v], area) };
-        let cosine = (along / normal.length()).abs().max(GRAZING);
-        let rounding = ROUNDING * (run.centres[i].length() + c.length());
-        let tolerance = run.object.epsilon.max(rounding) / cosine;
         // Of a point light the plane itself is moved away.
         let plane = if view.is_point { plane / (1.0 + tolerance / c.length()) } else { plane };
         let tolerance = if view.is_point { 0.0 } else { tolerance };
@@ -159,14 +205,14 @@ fn seen_from_point(c: Vec3, [u, v]: [Vec3; 2], area: &MapArea) -> ([Vec3; 3], Ve
 /// The caster of a number.
 #[inline(always)]
 fn of(casters: &[Vec<Caster>], number: u32) -> &Caster {
-    &casters[number as usize / CHUNK][number as usize % CHUNK]
+    &casters[number as usize / RUN][number as usize % RUN]
 }
 
 /// The numbers of the casters that reach into each band of rows, rising.
 fn lists(casters: &[Vec<Caster>], bands: usize) -> Vec<Vec<u32>> {
     let mut lists = vec![Vec::new(); bands];
     for (run, casters) in casters.iter().enumerate() {
-        for (number, caster) in (run * CHUNK..).zip(casters) {
+        for (number, caster) in (run * RUN..).zip(casters) {
             let [first, last] = caster.bounds[1].map(|row| usize::from(row) / ROWS);
             lists[first..=last].iter_mut().for_each(|list| list.push(number as u32));
         }
@@ -211,34 +257,43 @@ fn draw_band_body(
                     let on_plane = plane + of.plane.x * x;
                     distance[l] = f32::from_bits(on_plane.to_bits() | u32::from(covers).wrapping_sub(1));
                 }
+                // What it does not cover is not a number here.
+                let before = *end;
                 for l in 0..LANES {
-                    // What it does not cover is not a number here.
-                    let stops = 0_u32.wrapping_sub(u32::from(distance[l] < end[l]));
-                    end[l] = f32::from_bits(distance[l].to_bits() & stops | end[l].to_bits() & !stops);
+                    let stops = 0_u32.wrapping_sub(u32::from(distance[l] < before[l]));
                     caster[l] = number & stops | caster[l] & !stops;
+                }
+                // In this form it is a minimum, and stored whole. What is stored under a mask is slow to read again.
+                for l in 0..LANES {
+                    end[l] = if distance[l] < before[l] { distance[l] } else { before[l] };
                 }
             }
         }
     }
 }
 
-/// First and last column and row of the texels whose middles a disc may cover.
-fn bounds(c: Vec3, [u, v]: [Vec3; 2], view: &LightView, area: &MapArea) -> Option<[[u16; 2]; 2]> {
-    let mut out = [[0; 2]; 2];
-    for n in 0..2 {
-        let [low, high] = if view.is_point {
-            let corners = [c + u + v, c + u - v, c - u + v, c - u - v];
-            if corners.iter().any(|corner| corner.z <= 1e-3 * c.z.abs()) {
-                [f32::NEG_INFINITY, f32::INFINITY]
-            } else {
-                let places = corners.map(|corner| corner[n] / corner.z);
-                [places.into_iter().fold(f32::INFINITY, f32::min), places.into_iter().fold(f32::NEG_INFINITY, f32::max)]
-            }
+/// Least and greatest x, then y, of a disc on the plane of a view: of one that reaches behind a point light, all.
+fn covered(c: Vec3, [u, v]: [Vec3; 2], view: &LightView) -> [[f32; 2]; 2] {
+    let corners = [c + u + v, c + u - v, c - u + v, c - u - v];
+    let reaches_light = view.is_point && corners.iter().any(|corner| corner.z <= 1e-3 * c.z.abs());
+    [0, 1].map(|n: usize| {
+        if reaches_light {
+            [f32::NEG_INFINITY, f32::INFINITY]
+        } else if view.is_point {
+            let places = corners.map(|corner| corner[n] / corner.z);
+            [places.into_iter().fold(f32::INFINITY, f32::min), places.into_iter().fold(f32::NEG_INFINITY, f32::max)]
         } else {
             let extent = (u[n] * u[n] + v[n] * v[n]).sqrt();
             [c[n] - extent, c[n] + extent]
-        };
-        let [low, high] = [low, high].map(|place| (place - area.first[n]) / area.texel - 0.5);
+        }
+    })
+}
+
+/// First and last column and row of the texels whose middles lie within a rectangle.
+fn texels(covered: [[f32; 2]; 2], area: &MapArea) -> Option<[[u16; 2]; 2]> {
+    let mut out = [[0; 2]; 2];
+    for n in 0..2 {
+        let [low, high] = covered[n].map(|place| (place - area.first[n]) / area.texel - 0.5);
         let last = (area.size[n] - 1) as f32;
         if !(low <= last && high >= 0.0) {
             return None;

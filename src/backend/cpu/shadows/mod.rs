@@ -8,23 +8,24 @@
 //! however oblique the light is. Each time sample has other points on lights, and grids of maps that begin elsewhere:
 //! edges of shadows converge with the samples, without a filter.
 
+mod cells;
 mod fit;
 mod map;
+mod run;
 mod view;
 
-use std::ops::Range;
+use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use self::fit::{Fit, SLICES, slice_of};
-use self::map::{Caster, ShadowMap};
+use self::map::{Caster, Onto, ShadowMap};
+use self::run::Run;
 use self::view::LightView;
-use super::chunk::CHUNK;
-use crate::frame::{Frame, PosedObject, PosedSample, Raster};
-use crate::model::Surfels;
+use super::tiles::{LANES, Lanes};
+use crate::backend::clusters::Clusters;
+use crate::frame::{Frame, PosedSample, Raster};
 use crate::sampling::hash;
-use crate::scene::SurfelModel;
 use crate::shading::ShadingLight;
 
 /// Most texels of all maps of a light for each pixel of the image; and the least such number.
@@ -70,14 +71,21 @@ impl Shadows {
         // A surfel is on the maps of a few slices, and in a few lists of each.
         let of_surfel = (CASTER_MAPS * (size_of::<Caster>() + 2 * size_of::<u32>())) as u64;
         let maps = most_texels(frame) * ShadowMap::BYTES_OF_TEXEL + surfels as u64 * of_surfel;
-        surfels as u64 * size_of::<Vec3>() as u64 + lights * maps
+        lights * maps
     }
 
-    /// Draws the maps of all lights at `sample`, for receivers that a camera with this raster sees.
-    pub(in crate::backend) fn draw(&mut self, frame: &Frame, sample: &PosedSample, raster: &Raster) {
+    /// Draws the maps of all lights at `sample`, for receivers that a camera with this raster sees. `clusters`: one for
+    /// each object, or none.
+    pub(in crate::backend) fn draw(
+        &mut self,
+        frame: &Frame,
+        sample: &PosedSample,
+        raster: &Raster,
+        clusters: &[Arc<Clusters>],
+    ) {
         self.clear();
         self.near = frame.near;
-        let runs = Run::all(frame, sample);
+        let runs = Run::all(frame, sample, clusters);
         let right = sample.world_from_camera.x_axis;
         let extent = runs.iter().map(|run| run.middle.length() + run.reach);
         let extent = extent.filter(|length| length.is_finite()).fold(frame.near, f32::max);
@@ -104,7 +112,8 @@ impl Shadows {
                 let mut map = ShadowMap::default();
                 if area.size[0] > 0 {
                     map = self.spare.pop().unwrap_or_default();
-                    map.draw(*area, &views[at / SLICES], &runs);
+                    let (view, ground) = (&views[at / SLICES], &fit.grounds[at / SLICES]);
+                    map.draw(&Onto { area, view, cells: &fit.cells[at], ground }, &runs);
                 }
                 maps.push(map);
             }
@@ -120,29 +129,50 @@ impl Shadows {
         self.spare.reverse();
     }
 
-    /// The share of light `light`, which has this number, that reaches a place: 0 or 1. `place`: relative to the eye,
-    /// world axes. `depth`: that before the camera. What faces away from the light needs no map: it is dark.
-    pub(in crate::backend) fn lit(
+    /// The shares of light `light`, which has this number, that reach `LANES` places: 0 or 1 each. `place`: relative to
+    /// the eye, world axes. `depth`: those before the camera. What faces away from the light needs no map: it is dark.
+    #[inline(always)]
+    pub(in crate::backend) fn seen(
         &self,
         number: usize,
         light: &ShadingLight,
-        normal: [f32; 3],
-        place: [f32; 3],
-        depth: f32,
-    ) -> f32 {
-        let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return 1.0 };
-        let place = Vec3::from(place);
-        let towards = match *light {
-            ShadingLight::Directional { towards, .. } => towards,
-            ShadingLight::Point { position, .. } => position - place,
-            ShadingLight::Ambient { .. } => return 1.0,
-        };
-        if Vec3::from(normal).dot(towards) <= 0.0 {
-            return 0.0;
+        normal: &[Lanes; 3],
+        place: &[Lanes; 3],
+        depth: &Lanes,
+    ) -> Lanes {
+        let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return [1.0; LANES] };
+        let mut towards = [[0.0; LANES]; 3];
+        match *light {
+            ShadingLight::Directional { towards: of_all, .. } => towards = of_all.to_array().map(|x| [x; LANES]),
+            ShadingLight::Point { position, .. } => {
+                for (c, towards) in towards.iter_mut().enumerate() {
+                    for l in 0..LANES {
+                        towards[l] = position[c] - place[c][l];
+                    }
+                }
+            }
+            ShadingLight::Ambient { .. } => return [1.0; LANES],
         }
-        let view = LightView::facing(views, place);
-        let map = &maps[view * SLICES + slice_of(depth, self.near)];
-        if map.is_empty() || map.lights(&views[view], place) { 1.0 } else { 0.0 }
+        let mut cosine = [0.0; LANES];
+        for l in 0..LANES {
+            cosine[l] = normal[0][l] * towards[0][l] + normal[1][l] * towards[1][l] + normal[2][l] * towards[2][l];
+        }
+        let slices = depth.map(|depth| slice_of(depth, self.near));
+        // Rays that are parallel have one view.
+        let on_plane = views[0].lanes_on_plane(place);
+        let mut seen = [0.0; LANES];
+        for l in 0..LANES {
+            if cosine[l] <= 0.0 {
+                continue;
+            }
+            let at = Vec3::new(place[0][l], place[1][l], place[2][l]);
+            let view = LightView::facing(views, at);
+            let map = &maps[view * SLICES + slices[l]];
+            let of_first = on_plane.map(|lanes| lanes[l]);
+            let on_plane = if views[0].is_point { views[view].on_plane(at) } else { of_first };
+            seen[l] = if map.lights(on_plane, at, views[0].is_point) { 1.0 } else { 0.0 };
+        }
+        seen
     }
 }
 
@@ -157,66 +187,5 @@ fn jitter(sample: &PosedSample, light: u64) -> [f32; 2] {
     [0, 1].map(|d| hash(seed, 2 * light + d) as f32 / 4_294_967_296.0)
 }
 
-/// Some surfels of an opaque object at a time sample.
-pub(super) struct Run<'a> {
-    object: &'a PosedObject,
-    surfels: &'a Surfels,
-    /// Number of the first one.
-    first: usize,
-    /// Relative to the eye, world axes.
-    centres: Vec<Vec3>,
-    /// Middle and radius of a ball around all; not numbers where no centre is finite.
-    middle: Vec3,
-    reach: f32,
-    /// Factor on radii, at the most.
-    stretch: f32,
-    /// No radius is larger.
-    most_radius: f32,
-}
-
-impl<'a> Run<'a> {
-    /// All that are visible, as far as their objects are.
-    fn all(frame: &'a Frame, sample: &'a PosedSample) -> Vec<Self> {
-        let of = |is_static| frame.visible_surfels(sample, is_static, false);
-        let runs = of(true).chain(of(false)).flat_map(|(index, model)| {
-            let len = model.surfels().len();
-            let runs = (0..len).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(len));
-            runs.map(move |run| (&sample.objects[index], model, run))
-        });
-        let runs: Vec<_> = runs.collect();
-        runs.into_par_iter().map(|(object, model, run)| Self::of(object, model, run)).collect()
-    }
-
-    fn of(object: &'a PosedObject, model: &'a SurfelModel, run: Range<usize>) -> Self {
-        let (surfels, paths) = (model.surfels(), model.paths());
-        let centre = |i: usize| {
-            let place = paths.place(surfels.position[i], i, object.elapsed);
-            object.world_from_model * place + object.world_origin
-        };
-        let axes = surfels.axis_u[run.clone()].iter().zip(&surfels.axis_v[run.clone()]);
-        let most = axes.map(|(u, v)| u.length_squared() + v.length_squared()).fold(0.0, f32::max);
-        // A map stretches by no more than the root of the sum of the squares of its columns.
-        let linear = object.world_from_model;
-        let stretch = linear.x_axis.length_squared() + linear.y_axis.length_squared() + linear.z_axis.length_squared();
-        let (first, stretch) = (run.start, stretch.sqrt());
-        let centres: Vec<Vec3> = run.map(centre).collect();
-        let most_radius = most.sqrt() * stretch;
-        let finite = centres.iter().filter(|centre| centre.is_finite());
-        let bounds = finite.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[a, b], c| [a.min(*c), b.max(*c)]);
-        let middle = 0.5 * (bounds[0] + bounds[1]);
-        let reach = 0.5 * (bounds[1] - bounds[0]).length() + most_radius;
-        Self { object, surfels, first, centres, middle, reach, stretch, most_radius }
-    }
-
-    /// A radius within which the surfel lies whose centre is `centres[i]`.
-    fn radius(&self, i: usize) -> f32 {
-        let [u, v] = [&self.surfels.axis_u, &self.surfels.axis_v].map(|axes| axes[self.first + i].length_squared());
-        (u + v).sqrt() * self.stretch
-    }
-
-    /// The axes of the surfel whose centre is `centres[i]`.
-    fn axes(&self, i: usize) -> [Vec3; 2] {
-        let linear = self.object.world_from_model;
-        [linear * self.surfels.axis_u[self.first + i], linear * self.surfels.axis_v[self.first + i]]
-    }
-}
+#[cfg(test)]
+mod tests;

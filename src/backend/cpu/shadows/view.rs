@@ -2,6 +2,8 @@
 
 use glam::{Mat3, Vec3};
 
+use crate::backend::cpu::tiles::{LANES, Lanes};
+
 /// A view of a light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightView {
@@ -52,9 +54,42 @@ impl LightView {
         self.axes * v
     }
 
+    /// A direction of the view in the axes of the world.
+    pub(super) fn turned_back(&self, v: Vec3) -> Vec3 {
+        self.axes.transpose() * v
+    }
+
+    /// A map into the world, turned into the view's axes.
+    pub(super) fn turn(&self, map: Mat3) -> Mat3 {
+        self.axes * map
+    }
+
+    /// Where light comes from: the place where rays start, or the direction towards it.
+    pub(super) fn light(&self) -> Vec3 {
+        if self.is_point { self.origin } else { -self.axes.transpose().z_axis }
+    }
+
+    /// Half the size of a box of the world, in the view's axes.
+    pub(super) fn extent(&self, half: Vec3) -> Vec3 {
+        self.axes.abs() * half
+    }
+
     /// A place in the view's axes.
     pub(super) fn place(&self, p: Vec3) -> Vec3 {
         self.axes * (p - self.origin)
+    }
+
+    /// `LANES` places on the plane of a view whose rays are parallel, and the distances along them.
+    #[inline(always)]
+    pub(super) fn lanes_on_plane(&self, p: &[Lanes; 3]) -> [Lanes; 3] {
+        let mut out = [[0.0; LANES]; 3];
+        for (row, out) in out.iter_mut().enumerate() {
+            let axis = self.axes.row(row);
+            for l in 0..LANES {
+                out[l] = axis.x * p[0][l] + axis.y * p[1][l] + axis.z * p[2][l];
+            }
+        }
+        out
     }
 
     /// A place on the plane of the view, and what grows with its distance: the distance along parallel rays, or
