@@ -170,7 +170,7 @@ fn what_moves_throws_no_shadow_on_itself() {
     ball.motions = vec![Motion::Linear { velocity: DVec3::X * 0.2 }];
     scene.objects.push(ball);
     (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
-    scene.lights = vec![Light::directional(DVec3::new(-0.8, -1.0, 0.3), DVec3::ONE).with_shadows()];
+    scene.lights = vec![Light::directional(DVec3::new(-0.8, -1.0, 0.3).normalize(), DVec3::ONE).with_shadows()];
     let picture = |mode: &str, shadows| {
         let look = Look { shadows, ..Look::default() };
         render(&scene, &RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() })
