@@ -21,6 +21,9 @@ override GOURAUD: bool = false;
 override SPLATS: u32 = 1u;
 override FLAGS_PART: u32 = 0u;
 
+// Where the values of the invocation are.
+var<private> values_at: u32;
+
 @compute @workgroup_size(256)
 fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = surfel_of(group.x, lane);
@@ -51,6 +54,7 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         material = vec4<f32>(looks[m], looks[m + 1u], looks[m + 2u], looks[m + 3u]);
     }
     let position = placed(at);
+    values_at = slot * VALUES;
     if GOURAUD {
         let world = apply(segment.world, position);
         let eye = unit(-world);
@@ -60,7 +64,7 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
             colour += surroundings(mirrored(normal, eye), pixel * pixel) * segment.normal[1].w;
         }
     }
-    var next = slot * VALUES;
+    var next = values_at;
     values[next] = colour.x;
     values[next + 1u] = colour.y;
     values[next + 2u] = colour.z;

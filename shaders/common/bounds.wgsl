@@ -1,3 +1,4 @@
+// Includes: common/numbers
 // Screen bounds. Twin: src/backend/cpu/bounds.rs.
 
 // Margin of screen bounds: pixels plus a share of the size. Rounding must not make the bounds too small.
@@ -53,17 +54,6 @@ fn tiles_in(bounds: vec4<u32>) -> u32 {
     return found;
 }
 
-// The bits decide: comparisons with a NaN mean nothing in WGSL.
-fn finite(x: f32) -> bool {
-    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
-}
-
-fn all_finite(v: vec3<f32>) -> bool {
-    return finite(v.x) && finite(v.y) && finite(v.z);
-}
-
-// Rounding of a coordinate of a disc, as a share of the coordinates that it is made of: 8 EPSILON.
-const ROUNDING: f32 = 9.536743e-7;
 // Half the side of the regular octagon about a circle of radius 1, and its corners in order.
 const HALF_SIDE: f32 = 0.41421357;
 const OCTAGON: array<vec2<f32>, 8> = array<vec2<f32>, 8>(

@@ -17,7 +17,8 @@ fn agreement(length2: f32) -> f32 {
 }
 
 // Shades a surface point. `material` is (ambient, diffuse, specular, shininess). `position` is relative to the eye and
-// only needed for point lights. `eye` is the unit direction to the eye.
+// only needed for point lights and shadows. `eye` is the unit direction to the eye. A program that uses this declares
+// `reaching`: the share of a light that reaches a place.
 fn shade(
     first_light: u32, count: u32, material: vec4<f32>, colour: vec3<f32>, normal: vec3<f32>, position: vec3<f32>,
     eye: vec3<f32>,
@@ -37,6 +38,7 @@ fn shade(
             towards = d * sqrt(inverse);
             radiance = radiance * inverse;
         }
+        radiance = radiance * reaching(light, normal, position);
         let factors = lobes(normal, towards, eye, material.w);
         lit += radiance * (material.y * factors.x * colour + material.z * factors.y);
     }

@@ -110,6 +110,8 @@ struct View {
     stretch: u32,
     // The least depth tolerance of the objects whose surfels it shows.
     epsilon: f32,
+    // Surfels that may cast shadows; 0 where no light has any.
+    casters: u32,
 }
 
 // Bits of `View.flags`. Thresholds hold opaque surfels; there are layers of see-through surfels; the slab of depth is
@@ -170,7 +172,7 @@ struct Segment {
 }
 
 // `vector` points towards a directional light, or is a point light's position relative to the eye. Its w tells the
-// kind.
+// kind. The w of its colour is 0 where it has no shadows, else 1 + its number among those that have.
 struct Light {
     vector: vec4<f32>,
     colour: vec4<f32>,

@@ -1,4 +1,5 @@
-// Includes: common/types common/views common/fast common/shading common/environment common/channels resolve
+// Includes: common/types common/views common/fast common/shading common/unshadowed common/environment common/channels
+// Includes: resolve
 // Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
 // are normalised once. `coverage` is in swept/coverage.wgsl, or in published/coverage.wgsl.
 // Twin: src/backend/cpu/swept/resolve.rs.

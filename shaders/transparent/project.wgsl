@@ -1,5 +1,5 @@
-// Includes: common/types common/views common/work common/fast common/shading common/srgb common/wanted common/bounds
-// Includes: common/gaussian common/land
+// Includes: common/types common/views common/work common/fast common/shading common/unshadowed common/srgb
+// Includes: common/wanted common/bounds common/gaussian common/land
 // Pass `project` of Gaussians (program `gaussian_project`): posed, projected, widened by the filter, bounded and
 // culled; and the depths by which they are sorted.
 // Twins: src/backend/cpu/transparent/project.rs, emission.rs, harmonics.rs; key_of of sorted.rs.

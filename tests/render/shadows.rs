@@ -1,17 +1,53 @@
-//! Shadows of the CPU backend, against closed forms: integrals in `f64` that share no code with it.
+//! Shadows of both backends, against closed forms: integrals in `f64` that share no code with them.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
 
-use crate::support::{object, render, round_surfels, scene, sphere};
+use crate::support::{object, round_surfels, scene, sphere};
 use glam::{DVec3, Vec3};
-use splatblur::backend::BackendError;
 use splatblur::backend::cpu::Cpu;
+use splatblur::backend::{Backend, BackendError};
 use splatblur::film::Picture;
 use splatblur::model::{Material, Surfels};
 use splatblur::options::{BlurMode, Look, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Light, Motion, Object, Scene};
+
+/// Tests of each backend.
+macro_rules! on_both {
+    ($($test:ident),+ $(,)?) => {
+        mod cpu {
+            $(#[test]
+            fn $test() {
+                super::$test(&mut splatblur::backend::cpu::Cpu::default());
+            })+
+        }
+
+        #[cfg(feature = "gpu")]
+        mod gpu {
+            $(#[test]
+            fn $test() {
+                let Some(mut gpu) = crate::support::gpu::gpu_or_skip(stringify!($test)) else { return };
+                super::$test(&mut gpu);
+            })+
+        }
+    };
+}
+
+on_both!(
+    a_half_plane_under_a_wide_light,
+    a_moving_ball,
+    what_moves_throws_no_shadow_on_itself,
+    what_faces_the_light_is_lit,
+    contacts_stay_dark,
+    strange_lights_give_finite_pictures,
+    hard_scenes_have_the_shadows_of_the_reference,
+    what_has_no_shadows_refuses_them,
+);
+
+fn render(on: &mut dyn Backend, scene: &Scene, options: &RenderOptions) -> Picture {
+    render_frame(on, scene, 0, options).unwrap().picture
+}
 
 /// White, without lobes but the diffuse one.
 const WHITE: Material = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
@@ -60,8 +96,7 @@ fn worst_square(a: &Picture, b: &Picture) -> f64 {
 
 /// A half-plane at height 1 whose edge is x = 0, under a light 20 degrees wide: the floor's light is the integral of
 /// the cosine over the part of the cone that is seen.
-#[test]
-fn a_half_plane_under_a_wide_light() {
+fn a_half_plane_under_a_wide_light(on: &mut dyn Backend) {
     let (height, half) = (1.0, 10_f64.to_radians());
     let floor = square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.02);
     // Discs of the last row reach .9566 of their radius beyond their centres, in the mean.
@@ -70,7 +105,7 @@ fn a_half_plane_under_a_wide_light() {
     let mut scene = from_above(vec![floor, above], [96, 32]);
     let light = |shadows| Light::Directional { direction: -DVec3::Y, colour: DVec3::ONE, angle: 2.0 * half, shadows };
     scene.lights = vec![light(true)];
-    let picture = render(&scene, &samples(256));
+    let picture = render(on, &scene, &samples(256));
     let share = |x: f64| {
         let (rings, parts) = (200, 400);
         let mut sum = 0.0;
@@ -100,15 +135,14 @@ fn a_half_plane_under_a_wide_light() {
     assert!(worst < 0.02 && bias.abs() < 0.002, "worst {worst}, bias {bias}");
     // Without shadows the light is a direction.
     let look = Look { shadows: false, ..Look::default() };
-    let without = render(&scene, &RenderOptions { look, ..samples(8) });
+    let without = render(on, &scene, &RenderOptions { look, ..samples(8) });
     scene.lights = vec![light(false)];
-    assert_eq!(without.rgba, render(&scene, &samples(8)).rgba);
+    assert_eq!(without.rgba, render(on, &scene, &samples(8)).rgba);
 }
 
 /// A ball flies through the light of a point: each place of the floor is dark for the time in which its ray to the
 /// light meets the ball.
-#[test]
-fn a_moving_ball() {
+fn a_moving_ball(on: &mut dyn Backend) {
     let (lamp, radius) = (DVec3::new(0.1, 2.0, 0.0), 0.1);
     let (start, velocity) = (DVec3::new(-0.25, 0.9, 0.0), DVec3::new(0.5, 0.0, 0.0));
     let floor = square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.02);
@@ -144,7 +178,7 @@ fn a_moving_ball() {
     };
     let truth: Vec<f64> = pixels.iter().map(mean).collect();
     for mode in ["supersample:256", "bucket:64x2", "volumetric:64"] {
-        let picture = render(&scene, &RenderOptions { quality: mode.parse().unwrap(), ..RenderOptions::default() });
+        let picture = render(on, &scene, &RenderOptions { quality: mode.parse().unwrap(), ..RenderOptions::default() });
         let difference = |((row, column), truth): (&(usize, usize), &f64)| {
             (f64::from(picture.rgba[row * 96 + column][0]) - truth).abs()
         };
@@ -158,8 +192,7 @@ fn a_moving_ball() {
 
 /// The samples of a bucket share a map, and so does an interval. What moves throws no shadow on itself by that: modes
 /// are about as far from many samples with shadows as without.
-#[test]
-fn what_moves_throws_no_shadow_on_itself() {
+fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
     let mut scene = from_above(vec![square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.02)], [96, 64]);
     let mut model = sphere(4000);
     let small = |v: &mut Vec3| *v *= 0.15;
@@ -171,9 +204,9 @@ fn what_moves_throws_no_shadow_on_itself() {
     scene.objects.push(ball);
     (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
     scene.lights = vec![Light::directional(DVec3::new(-0.8, -1.0, 0.3).normalize(), DVec3::ONE).with_shadows()];
-    let picture = |mode: &str, shadows| {
+    let mut picture = |mode: &str, shadows| {
         let look = Look { shadows, ..Look::default() };
-        render(&scene, &RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() })
+        render(on, &scene, &RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() })
     };
     let many = [true, false].map(|shadows| picture("supersample:128", shadows));
     for mode in ["bucket:4x16", "volumetric:4"] {
@@ -189,8 +222,7 @@ fn what_moves_throws_no_shadow_on_itself() {
 }
 
 /// A ball throws no shadow on itself where it faces the light, nor does a plane that light grazes.
-#[test]
-fn what_faces_the_light_is_lit() {
+fn what_faces_the_light_is_lit(on: &mut dyn Backend) {
     let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 8 }.into(), ..RenderOptions::default() };
     let shadowless = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..options.clone() };
     for surfels in [500, 5000, 50_000] {
@@ -203,9 +235,9 @@ fn what_faces_the_light_is_lit() {
                 shadows: true,
             }];
             for shading in [Shading::Phong, Shading::Gouraud] {
-                let with = |options: &RenderOptions| {
+                let mut with = |options: &RenderOptions| {
                     let look = Look { shading, ..options.look.clone() };
-                    render(&scene, &RenderOptions { look, ..options.clone() })
+                    render(on, &scene, &RenderOptions { look, ..options.clone() })
                 };
                 let worst = worst_square(&with(&options), &with(&shadowless));
                 println!("{surfels} surfels, {shading}: {worst:.4}");
@@ -216,19 +248,18 @@ fn what_faces_the_light_is_lit() {
     let mut scene = from_above(vec![square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.03)], [96, 64]);
     let (sine, cosine) = 85_f64.to_radians().sin_cos();
     scene.lights = vec![Light::directional(DVec3::new(sine, -cosine, 0.0), DVec3::splat(10.0)).with_shadows()];
-    let worst = worst_square(&render(&scene, &options), &render(&scene, &shadowless));
+    let worst = worst_square(&render(on, &scene, &options), &render(on, &scene, &shadowless));
     println!("grazed plane: {worst:.4}");
     assert!(worst < 0.02, "{worst}");
 }
 
 /// A small ball on the floor, and a thin sheet just above it, keep their shadows to the foot.
-#[test]
-fn contacts_stay_dark() {
+fn contacts_stay_dark(on: &mut dyn Backend) {
     let floor = square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.02);
     let sheet = square([-0.1, -0.1], [0.1, 0.1], 0.02, 0.01);
     let mut scene = from_above(vec![floor, sheet], [96, 64]);
     scene.lights = vec![Light::directional(DVec3::new(1.0, -0.6, 0.0).normalize(), DVec3::ONE).with_shadows()];
-    let picture = render(&scene, &samples(16));
+    let picture = render(on, &scene, &samples(16));
     let pixel = 2.0 * half_height() / 64.0;
     // The shadow reaches 1 / .6 of the sheet's height beyond its edge.
     let column = |x: f64| (x / pixel + 48.0) as usize;
@@ -263,7 +294,7 @@ fn shadows_do_not_depend_on_threads_and_memory() {
     };
     let in_pool = |threads: usize, options: &RenderOptions| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| render(&scene, options)).rgba
+        pool.install(|| render(&mut Cpu::default(), &scene, options)).rgba
     };
     let whole = in_pool(2, &options);
     assert!(whole == in_pool(1, &options));
@@ -277,36 +308,39 @@ fn shadows_do_not_depend_on_threads_and_memory() {
 }
 
 /// What has no shadows says so, and leaves them out where it is told to.
-#[test]
-fn what_has_no_shadows_refuses_them() {
+fn what_has_no_shadows_refuses_them(on: &mut dyn Backend) {
     let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
     scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
     scene.objects[0].blur = false;
-    render(&scene, &samples(1));
+    render(on, &scene, &samples(1));
     scene.camera.motions = vec![Motion::Linear { velocity: DVec3::X }];
-    let refused = render_frame(&mut Cpu::default(), &scene, 0, &samples(1));
+    let refused = render_frame(on, &scene, 0, &samples(1));
     assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{refused:?}");
-    render(&scene, &RenderOptions { look: Look { shadows: false, ..Look::default() }, ..samples(1) });
+    render(on, &scene, &RenderOptions { look: Look { shadows: false, ..Look::default() }, ..samples(1) });
 }
 
+/// Modes in which each backend decides what it renders next show the same on both: auto, and what it refines.
 #[cfg(feature = "gpu")]
 #[test]
-fn the_gpu_refuses_shadows() {
-    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_refuses_shadows") else { return };
-    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
-    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
-    for quality in ["supersample:2", "auto"] {
-        let options = RenderOptions { quality: quality.parse().unwrap(), ..RenderOptions::default() };
-        let refused = render_frame(&mut gpu, &scene, 0, &options);
-        assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{quality}: {refused:?}");
-        let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..options };
-        render_frame(&mut gpu, &scene, 0, &without).unwrap();
-    }
+fn the_backends_agree_in_mode_auto() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_backends_agree_in_mode_auto") else { return };
+    let mut ball = white(sphere(1000));
+    ball.transform.scale = DVec3::splat(0.4);
+    ball.motions = vec![Motion::Linear { velocity: DVec3::X * 0.5 }];
+    let floor = square([-3.0, -3.0], [3.0, 3.0], -0.4, 0.1);
+    let mut scene = scene(vec![floor, ball], [96, 64], DVec3::new(-1.0, 1.2, 2.4), 40.0);
+    scene.camera.at = DVec3::ZERO;
+    scene.lights = vec![Light::directional(DVec3::new(0.5, -1.0, -0.2).normalize(), DVec3::ONE).with_shadows()];
+    let options = RenderOptions { quality: "auto".parse().unwrap(), ..RenderOptions::default() };
+    let [cpu, gpu] = [&mut Cpu::default() as &mut dyn Backend, &mut gpu].map(|on| render(on, &scene, &options));
+    let differ = cpu.rgba.iter().zip(&gpu.rgba).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-4).count();
+    println!("{differ} pixels differ");
+    // A place may be a rounding from the edge of a texel: one in a thousand, as where passes are compared.
+    assert!(1000 * differ <= cpu.rgba.len(), "{differ} of {}", cpu.rgba.len());
 }
 
 /// Lights that are inside a model, infinitely far or wide, or huge: a finite picture.
-#[test]
-fn strange_lights_give_finite_pictures() {
+fn strange_lights_give_finite_pictures(on: &mut dyn Backend) {
     let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
     let directional = |angle: f64| Light::Directional {
         direction: -DVec3::Y,
@@ -326,20 +360,19 @@ fn strange_lights_give_finite_pictures() {
     ];
     for light in lights {
         scene.lights = vec![light];
-        let picture = render(&scene, &samples(4));
+        let picture = render(on, &scene, &samples(4));
         assert!(picture.rgba.iter().flatten().all(|value| value.is_finite()), "{light:?}");
     }
     scene.lights = vec![directional(1.0); 20];
-    render(&scene, &samples(1));
+    render(on, &scene, &samples(1));
     scene.lights = vec![directional(1.0); 1_000_000];
-    let refused = render_frame(&mut Cpu::default(), &scene, 0, &samples(1));
-    assert!(matches!(refused, Err(BackendError::Memory { .. })), "{refused:?}");
+    let refused = render_frame(on, &scene, 0, &samples(1));
+    assert!(matches!(refused, Err(BackendError::Memory { .. } | BackendError::Shadows { .. })), "{refused:?}");
 }
 
 /// Each must show the shadow that the reference shows: a disc that reaches beyond the camera as the floor, a light
 /// along the camera's right, a far point light, a tolerance of 0.
-#[test]
-fn hard_scenes_have_the_shadows_of_the_reference() {
+fn hard_scenes_have_the_shadows_of_the_reference(on: &mut dyn Backend) {
     let ball = || {
         let mut ball = white(sphere(4000));
         ball.transform.scale = DVec3::splat(0.3);
@@ -372,11 +405,11 @@ fn hard_scenes_have_the_shadows_of_the_reference() {
         scene.lights = vec![light];
         let traced = ReferenceOptions { samples: 64, ..ReferenceOptions::default() };
         let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
-        let worst = worst_square(&render(&scene, &samples(64)), &truth);
+        let worst = worst_square(&render(on, &scene, &samples(64)), &truth);
         let lit = {
             scene.lights = vec![light];
             let look = Look { shadows: false, ..Look::default() };
-            worst_square(&render(&scene, &RenderOptions { look, ..samples(16) }), &truth)
+            worst_square(&render(on, &scene, &RenderOptions { look, ..samples(16) }), &truth)
         };
         println!("{name}: worst {worst:.4}, without shadows {lit:.3}");
         assert!(worst < 0.02 && lit > 0.1, "{name}: {worst}, without shadows {lit}");

@@ -118,6 +118,7 @@ impl Job<'_> {
             walks: self.walks,
             opaque_scale: group_scale(group),
             epsilon: place.prepared.frame.least_tolerance(group, self.see_through),
+            casters: place.prepared.schedule.shadows.casters as u32,
             ..View::of(place.prepared.frame, &place.raster(self.see_through), group, &place.prepared.channels.shared)
         }
     }

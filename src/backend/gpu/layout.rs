@@ -86,7 +86,7 @@ pub(in crate::backend) struct View {
     pub walks: u32,
     pub stretch: u32,
     pub epsilon: f32,
-    pub unused: u32,
+    pub casters: u32,
 }
 
 /// Numbers of entries, and of workgroups for them. Programs of pass `bin` write it.
@@ -366,16 +366,24 @@ pub(in crate::backend) fn wanted(frame: &Frame) -> Vec<u32> {
 
 /// The lights of a group's samples, one sample after the other; every sample has the same number.
 pub(in crate::backend) fn lights(samples: &[PosedSample]) -> Vec<Light> {
-    samples.iter().flat_map(|sample| &sample.lights).map(light).collect()
+    let of_sample = |sample: &PosedSample| {
+        let shadows = sample.lights.iter().scan(0, |shadows, light| {
+            *shadows += u32::from(light.has_shadows());
+            Some(if light.has_shadows() { *shadows } else { 0 })
+        });
+        sample.lights.iter().zip(shadows).map(|(of, shadow)| light(of, shadow)).collect::<Vec<_>>()
+    };
+    samples.iter().flat_map(of_sample).collect()
 }
 
-fn light(light: &ShadingLight) -> Light {
+/// `shadow`: 0 without shadows, else 1 + the number of lights with shadows before it.
+fn light(light: &ShadingLight, shadow: u32) -> Light {
     let (vector, kind, colour) = match *light {
         ShadingLight::Ambient { colour } => (Vec3::ZERO, AMBIENT, colour),
         ShadingLight::Directional { towards, colour, .. } => (towards, DIRECTIONAL, colour),
         ShadingLight::Point { position, colour, .. } => (position, 2.0, colour),
     };
-    Light { vector: vector.extend(kind).to_array(), colour: colour.extend(0.0).to_array() }
+    Light { vector: vector.extend(kind).to_array(), colour: colour.extend(shadow as f32).to_array() }
 }
 
 pub(super) fn rows(m: &Mat3, origin: Vec3) -> [[f32; 4]; 3] {

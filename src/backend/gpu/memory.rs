@@ -1,6 +1,7 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
 use super::layout::{DIGIT_BITS, DeviceGaussian, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, stepped};
+use super::shadows::ShadowSizes;
 use super::slots::Slot;
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
@@ -257,6 +258,8 @@ pub(in crate::backend) struct Schedule {
     /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
     pub peeled_bytes: u64,
     pub layer_bytes: u64,
+    /// What the shadows of a group take.
+    pub shadows: ShadowSizes,
 }
 
 /// The limits of a device.
@@ -269,6 +272,8 @@ pub(in crate::backend) struct Limits {
     pub surfel_slots: u64,
     /// Groups of a round.
     pub groups: u64,
+    /// Texels of the shadow maps of a light.
+    pub shadow_texels: u64,
 }
 
 impl Schedule {
@@ -334,9 +339,15 @@ impl Schedule {
         };
         let least_map = map_of(1) * MAP_TILE_BYTES;
 
-        let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch + gaussian_bytes;
+        let shadows = ShadowSizes::of(frame, limits)?;
+        let shadow_bytes = shadows.map_bytes() + shadows.caster_bytes();
+
+        let needed = {
+            let models = frame.model_bytes + film + gaussian_bytes + shadow_bytes;
+            models + widest * tile_bytes + least_map + least_batch
+        };
         BackendError::check_memory(frame, needed)?;
-        let left = frame.memory - frame.model_bytes - film - gaussian_bytes;
+        let left = frame.memory - frame.model_bytes - film - gaussian_bytes - shadow_bytes;
         let most_planes = sums.max(planes.count) as u64;
         let bound_of_tiles = most_bytes
             / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes).max(depth_bytes).max(mask_bytes);
@@ -389,7 +400,8 @@ impl Schedule {
             let enough = 1 + MOST_ROUND_TILES / band_tiles.max(1);
             let shares_rest = frame.shares_rest() && frame.blending.is_none();
             let shares = if shares_rest { SHARING_GROUPS } else { 1 };
-            (1 + spare / (band_tiles * tile_bytes + each_group * each_slot + gaussian_bytes).max(1))
+            (1 + spare / (band_tiles * tile_bytes + each_group * each_slot + gaussian_bytes + shadow_bytes).max(1))
+                .min(most_bytes / shadows.map_bytes().max(shadows.caster_bytes()).max(1))
                 .min(enough.max(shares))
                 .min(limits.groups)
                 .min(tile_bound)
@@ -403,7 +415,7 @@ impl Schedule {
         } else {
             1
         };
-        let left = left - (round_groups - 1) * (band_tiles * tile_bytes + gaussian_bytes);
+        let left = left - (round_groups - 1) * (band_tiles * tile_bytes + gaussian_bytes + shadow_bytes);
         let round_gaussians = round_groups * gaussians;
         let (round_slots, round_tiles) = (slots + (round_groups - 1) * each_group, round_groups * band_tiles);
         let most_entries = ((left.saturating_sub(round_slots * slot_bytes)) / ENTRY_BYTES)
@@ -434,6 +446,7 @@ impl Schedule {
             opaque_bytes,
             peeled_bytes,
             layer_bytes,
+            shadows,
         })
     }
 
@@ -455,6 +468,8 @@ impl Schedule {
             Slot::Opaque => self.opaque_bytes * band,
             Slot::Peeled => self.peeled_bytes * band,
             Slot::Layers => self.layer_bytes * band,
+            Slot::ShadowMaps => self.round_groups * self.shadows.map_bytes(),
+            Slot::Casters => self.round_groups * self.shadows.caster_bytes(),
             Slot::Film => self.film_bytes,
             _ => 0,
         }

@@ -26,6 +26,7 @@ pub(super) mod prepared;
 pub(super) mod record;
 pub(super) mod recorder;
 pub(super) mod rounds;
+pub(super) mod shadows;
 pub(super) mod slots;
 pub(super) mod steps;
 #[cfg(test)]
@@ -142,9 +143,6 @@ impl Backend for Gpu {
     fn begin(&mut self, frame: Frame) -> Result<(), BackendError> {
         if self.stop.is_set() {
             return Err(BackendError::Stopped);
-        }
-        if frame.has_shadows() {
-            return Err(BackendError::Shadows { what: "the GPU backend has", instead: "the CPU (`--backend cpu`)" });
         }
         let flight = self.depart(frame)?;
         self.flights.push_back(flight);

@@ -55,6 +55,14 @@ pub(in crate::backend) enum Program {
     PeelStart,
     PeelResolve,
     PeelLeftOut,
+    ShadowFit,
+    ShadowPlanes,
+    ShadowLayout,
+    ShadowDraw,
+    ShadowDrawWide,
+    ShadowSurfels,
+    ShadowedValues,
+    ShadowedResolve,
 }
 
 /// What workgroups of a program are for.
@@ -80,6 +88,13 @@ pub(in crate::backend) enum Per {
     TileAndBackground,
     /// A tile of a view, for each stretch of its list.
     Stretch,
+    /// Some surfels that may cast shadows, which a table lists in a second uniform; 64 of them for each light with
+    /// shadows; or one.
+    Casters,
+    CasterAndLight,
+    WideCasterAndLight,
+    /// A light with shadows of a view.
+    ShadowLight,
 }
 
 /// A file of `src/backend/cpu/`, and a function in it.
@@ -164,13 +179,13 @@ const fn bin(
 }
 
 use Slot::{
-    CaptureSegments, CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers,
-    Lights, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats,
-    Starts, Status, Sums, Thresholds, Totals, Touched, Values, Wanted, Wide, WrittenTotals,
+    CaptureSegments, Casters, CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys,
+    Layers, Lights, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, ShadowMaps, SortedKeys,
+    SortedList, Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Values, Wanted, Wide, WrittenTotals,
 };
 
 /// All passes, in the order of [`Program`].
-pub(in crate::backend) static TABLE: [Row; 35] = [
+pub(in crate::backend) static TABLE: [Row; 43] = [
     Row {
         kernels: KERNELS,
         ..row(
@@ -264,7 +279,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     row(
         (Program::SplatValues, "splat_values", Stage::Attribute),
         ("values.rs", "values"),
-        &[file!("values.wgsl")],
+        &[file!("common/unshadowed.wgsl"), file!("values.wgsl")],
         Per::Surfels,
         &[Geometry, Looks, Segments, Lights, Splats, Touched, Environment],
         &[Values],
@@ -284,7 +299,7 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
     row(
         (Program::Resolve, "resolve", Stage::Resolve),
         ("paint/resolve.rs", "resolve"),
-        &[file!("paint/resolve.wgsl")],
+        &[file!("common/unshadowed.wgsl"), file!("paint/resolve.wgsl")],
         Per::Tile,
         &[Lights, Thresholds, Sums, Environment, Starts],
         &[Film],
@@ -441,6 +456,70 @@ pub(in crate::backend) static TABLE: [Row; 35] = [
         &[],
         &[Status, Peeled],
     ),
+    row(
+        (Program::ShadowFit, "shadow_fit", Stage::Visibility),
+        ("shadows/fit.rs", "of"),
+        &[file!("shadows/fit.wgsl")],
+        Per::Casters,
+        &[Geometry, Segments, Lights, Wanted],
+        &[ShadowMaps],
+    ),
+    row(
+        (Program::ShadowPlanes, "shadow_planes", Stage::Visibility),
+        ("shadows/map.rs", "of"),
+        &[file!("shadows/planes.wgsl")],
+        Per::Casters,
+        &[Geometry, Segments, Lights],
+        &[Casters],
+    ),
+    row(
+        (Program::ShadowLayout, "shadow_layout", Stage::Visibility),
+        ("shadows/fit.rs", "areas"),
+        &[file!("shadows/layout.wgsl")],
+        Per::ShadowLight,
+        &[Lights],
+        &[ShadowMaps],
+    ),
+    row(
+        (Program::ShadowDraw, "shadow_draw", Stage::Visibility),
+        ("shadows/map.rs", "draw"),
+        &[file!("shadows/draw.wgsl")],
+        Per::CasterAndLight,
+        &[Geometry, Segments, Lights, Casters],
+        &[ShadowMaps],
+    ),
+    row(
+        (Program::ShadowDrawWide, "shadow_draw_wide", Stage::Visibility),
+        ("shadows/map.rs", "draw"),
+        &[file!("shadows/draw_wide.wgsl")],
+        Per::WideCasterAndLight,
+        &[Geometry, Segments, Lights, Casters],
+        &[ShadowMaps],
+    ),
+    row(
+        (Program::ShadowSurfels, "shadow_surfels", Stage::Attribute),
+        ("shadows/mod.rs", "lit"),
+        &[file!("shadows/surfels.wgsl")],
+        Per::Surfels,
+        &[Geometry, Segments, Lights, Touched, ShadowMaps, Casters],
+        &[Values],
+    ),
+    row(
+        (Program::ShadowedValues, "splat_values", Stage::Attribute),
+        ("values.rs", "values"),
+        &[file!("shadows/of_surfels.wgsl"), file!("values.wgsl")],
+        Per::Surfels,
+        &[Geometry, Looks, Segments, Lights, Splats, Touched, Environment],
+        &[Values],
+    ),
+    row(
+        (Program::ShadowedResolve, "resolve", Stage::Resolve),
+        ("paint/resolve.rs", "resolve"),
+        &[file!("shadows/of_pixels.wgsl"), file!("paint/resolve.wgsl")],
+        Per::Tile,
+        &[Lights, Thresholds, Sums, Environment, Starts, ShadowMaps, Casters],
+        &[Film],
+    ),
 ];
 
 const _: () = {
@@ -476,7 +555,7 @@ impl Row {
     /// Number of its uniforms: the view, and a second one.
     pub(in crate::backend) const fn uniforms(&self) -> usize {
         match self.per {
-            Per::Surfels | Per::TileAndBackground => 2,
+            Per::Surfels | Per::TileAndBackground | Per::Casters | Per::CasterAndLight | Per::WideCasterAndLight => 2,
             _ => 1,
         }
     }

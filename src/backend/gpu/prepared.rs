@@ -8,6 +8,7 @@ use wgpu::{Buffer, BufferBinding, BufferSize};
 use super::layout::{DeviceGaussian, TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule, makes_rounds};
 use super::models::ModelBuffer;
+use super::shadows::{DRAWING, Extents, TURNS_OF_TEXEL};
 use super::slots::Slot;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
@@ -20,7 +21,7 @@ use crate::scene::SurfelModel;
 
 /// Most passes of a batch that record their times: of opaque surfels, and of see-through ones, whose lists are made
 /// again for each layer that reads them.
-const PASSES_OF_GROUP: u64 = 18;
+const PASSES_OF_GROUP: u64 = 20;
 const PASSES_OF_LAYERS: u64 = 4 * (4 * LAYERS as u64 + 3);
 
 /// Bytes that are copied for nothing in place of another copy.
@@ -52,6 +53,8 @@ pub(in crate::backend) struct Prepared<'a> {
     /// Most entries that an invocation walks over of kernels in motion, and of Gaussians. Longer lists are walked over
     /// in stretches.
     pub stretch: u64,
+    /// How far objects reach, where lights with shadows ask for it.
+    pub extents: Extents,
 }
 
 impl Gpu {
@@ -79,6 +82,8 @@ impl Gpu {
             slots: self.most_slots.min(most_slots),
             surfel_slots: if instants { self.most_surfel_slots } else { u64::MAX },
             groups: self.most_groups.min(sharing.max(1)),
+            // All invocations that draw a surfel may have to take all texels of a light.
+            shadow_texels: (self.most_turns / TURNS_OF_TEXEL).saturating_mul(u64::from(DRAWING)).max(1),
         };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
@@ -130,6 +135,7 @@ impl Gpu {
             most_bytes: self.most_bytes,
             most_list,
             stretch,
+            extents: Extents::of(frame),
         })
     }
 }

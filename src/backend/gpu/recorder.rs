@@ -7,12 +7,13 @@ use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 use super::DeviceState;
 use super::bind::{Binder, BoundProgram, BoundPrograms, Own, Use, rounds_of_tiles};
 use super::constants::Digit;
-use super::layout::{DIGIT_BITS, Totals, WORKGROUP_ITEMS};
+use super::layout::{DIGIT_BITS, Totals, WORKGROUP_ITEMS, WORKGROUP_SURFELS};
 use super::memory::LONG;
 use super::passes::{Per, Program};
 use super::prepared::Prepared;
+use super::shadows::DRAWING;
 use super::slots::Slot;
-use super::steps::{DevicePass, Kind};
+use super::steps::{DevicePass, Kind, SHADOWS};
 use super::timestamps::{Marks, Stage};
 use super::upload::{Placed, SurfelDispatch};
 use crate::backend::BackendError;
@@ -102,6 +103,9 @@ impl<'a> Recorder<'a> {
         passes: &[P],
     ) -> Result<(), BackendError> {
         let Some(first) = batches.first() else { return Ok(()) };
+        if of.0 == Kind::Paint && self.binder.prepared.schedule.shadows.lights > 0 {
+            self.shadows(first)?;
+        }
         let mut at_hand = None;
         for &pass in passes {
             if !pass.reads_splats() {
@@ -132,6 +136,16 @@ impl<'a> Recorder<'a> {
     ) -> Result<(), BackendError> {
         let programs = pass.programs(self.binder.prepared.frame, batch, batches);
         self.programs((kind, film), &programs, batch)
+    }
+
+    /// Records what draws the shadow maps of groups, whose first batches these are.
+    fn shadows(&mut self, first: &Placed) -> Result<(), BackendError> {
+        let Binder { prepared, state, .. } = &self.binder;
+        let shadows = prepared.schedule.shadows;
+        let bytes = u64::from(first.views) * shadows.map_bytes();
+        self.encoder.clear_buffer(&state.buffers[Slot::ShadowMaps], 0, Some(bytes));
+        self.recorded += u64::from(first.views) * shadows.lights * shadows.casters;
+        self.programs((Kind::Paint, 0), &SHADOWS, first)
     }
 
     /// Records a pass that makes the splats of a batch, or their lists.
@@ -217,6 +231,7 @@ impl<'a> Recorder<'a> {
         calls: &mut Vec<Call>,
     ) -> Result<(), BackendError> {
         let ([x, y], view) = (batch.tiles, batch.view);
+        let shadow_lights = self.binder.prepared.schedule.shadows.lights as u32;
         // What does not write the film is bound once for all parts of it.
         let film = if program.row().writes.contains(&Slot::Film) { film } else { 0 };
         let mut add = |own: Own, offsets: Vec<u32>, workgroups: Workgroups| {
@@ -231,6 +246,19 @@ impl<'a> Recorder<'a> {
                 }
                 Ok(())
             }
+            Per::Casters | Per::CasterAndLight | Per::WideCasterAndLight => {
+                let of_block = match program.row().per {
+                    Per::Casters => [1, 1],
+                    Per::CasterAndLight => [WORKGROUP_SURFELS / DRAWING, shadow_lights],
+                    _ => [WORKGROUP_SURFELS, shadow_lights],
+                };
+                for &SurfelDispatch { object, buffer, table, workgroups } in &batch.casters {
+                    let groups = [workgroups, of_block[0], of_block[1]];
+                    add(Own::Model(object, buffer), vec![view, table], Workgroups::These(groups))?;
+                }
+                Ok(())
+            }
+            Per::ShadowLight => add(own, vec![view], Workgroups::These([shadow_lights, batch.views, 1])),
             Per::Stretch => [view]
                 .iter()
                 .chain(&batch.later)

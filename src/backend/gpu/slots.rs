@@ -57,6 +57,9 @@ pub(in crate::backend) enum Slot {
     Environment = 37,
     /// Poses of Gaussians.
     CaptureSegments = 38,
+    /// The shadow maps of a round, and the planes of what is drawn onto them.
+    ShadowMaps = 39,
+    Casters = 40,
     /// Views of a round, in group 0.
     Views = 64,
     /// Tables of workgroups; the background, and the totals of sorts. In group 0.
@@ -70,7 +73,7 @@ const MOMENT_BYTES: u64 = size_of::<[f32; 32]>() as u64;
 
 /// All buffers that are there at any time, each with its name in messages, and bytes to begin with: a buffer must hold
 /// one element of the largest type that it is bound as. Models have buffers of their own.
-pub(in crate::backend) const SLOTS: [(Slot, &str, u64); 32] = [
+pub(in crate::backend) const SLOTS: [(Slot, &str, u64); 34] = [
     (Slot::Views, "views", VIEW_BYTES),
     (Slot::Tables, "tables", TABLE_BYTES),
     (Slot::Segments, "segments", size_of::<Segment>() as u64),
@@ -103,6 +106,8 @@ pub(in crate::backend) const SLOTS: [(Slot, &str, u64); 32] = [
     (Slot::Peeled, "see-through surfels", 0),
     (Slot::Layers, "see-through surfels", 0),
     (Slot::Wanted, "blocks", 0),
+    (Slot::ShadowMaps, "shadow maps", 0),
+    (Slot::Casters, "shadow maps", 0),
 ];
 
 #[cfg(test)]

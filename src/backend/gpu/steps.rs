@@ -8,7 +8,7 @@ use super::prepared::Prepared;
 use super::slots::Slot;
 use super::upload::Placed;
 use crate::frame::Frame;
-use crate::options::Normalise;
+use crate::options::{Normalise, Shading};
 use crate::plan::{LayerPass, MapPass, PaintPass, PublishedSweepPass, SweepPass, TilePass};
 
 /// What the programs of a step work on. It decides their constants, and which buffers they bind.
@@ -75,6 +75,10 @@ impl Kind {
     }
 }
 
+/// What draws the shadow maps of groups, before their other passes.
+pub(super) const SHADOWS: [Program; 5] =
+    [Program::ShadowFit, Program::ShadowPlanes, Program::ShadowLayout, Program::ShadowDraw, Program::ShadowDrawWide];
+
 /// A pass of a step that works on batches of surfels.
 pub(in crate::backend) trait DevicePass: TilePass {
     /// Its programs for a batch of several, in order.
@@ -82,8 +86,14 @@ pub(in crate::backend) trait DevicePass: TilePass {
 }
 
 impl DevicePass for PaintPass {
-    fn programs(self, _frame: &Frame, batch: &Placed, _batches: usize) -> Vec<Program> {
+    fn programs(self, frame: &Frame, batch: &Placed, _batches: usize) -> Vec<Program> {
+        // Whoever shades asks the shadow maps.
+        let shadowed = |shading| frame.shading == shading && frame.has_shadows();
         match self {
+            Self::Attribute if shadowed(Shading::Gouraud) => {
+                vec![Program::ShadowSurfels, Program::ShadowedValues, Program::Attribute]
+            }
+            Self::Resolve if shadowed(Shading::Phong) => vec![Program::ShadowedResolve],
             Self::Visibility if batch.shares_rest => {
                 vec![Program::Visibility, Program::VisibilityEntries, Program::JoinRest]
             }

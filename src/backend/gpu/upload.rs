@@ -13,6 +13,7 @@ use super::job::Job;
 use super::layout::{
     CaptureSegment, Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, View, WORKGROUP_SURFELS, WORKGROUPS, lights,
 };
+use super::shadows::{caster_segments, light_views};
 use super::slots::{Slot, TABLE_BYTES};
 use crate::backend::BackendError;
 use crate::frame::PosedSample;
@@ -36,6 +37,8 @@ pub(in crate::backend) struct Placed {
     pub shares_rest: bool,
     /// What makes its splats.
     pub surfels: Vec<SurfelDispatch>,
+    /// What casts shadows: of the first batch of a group.
+    pub casters: Vec<SurfelDispatch>,
     /// Where the background behind what is transparent is, bytes.
     pub backdrop: u32,
 }
@@ -139,6 +142,7 @@ impl Upload {
         let posed: usize = batches.iter().map(|batch| batch.segments.len()).sum();
         self.segments.resize(self.segments.len() + posed, Segment::zeroed());
         let light = self.add_lights(&job.group.samples);
+        self.lights.extend(light_views(job));
         self.moments.extend(job.interval.iter().flat_map(|interval: &&PosedInterval| interval.moments));
         OfGroup { segment, light, moment }
     }
@@ -172,7 +176,7 @@ impl Upload {
     fn place_parts(&mut self, parts: &[Part<'_>], entries: u64) -> Placed {
         let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
         let mut views = Vec::new();
-        let mut tables = Tables::default();
+        let (mut tables, mut casters) = (Tables::default(), Tables::default());
         for (number, part) in parts.iter().enumerate() {
             let &Part { job, batch, of_group, is_whole, resumes, first_turn, rest } = part;
             let own = job.view(entries);
@@ -205,6 +209,12 @@ impl Upload {
                 };
                 tables.add([*object, *buffer], index, segment.surfels);
             }
+            // All batches of a group have the same shadows.
+            for (segment, object, buffer) in if resumes { Vec::new() } else { caster_segments(job) } {
+                let index = self.segments.len() as u32;
+                casters.add([object, buffer], index, segment.surfels);
+                self.segments.push(Segment { view: number as u32, index, ..segment });
+            }
             placed.shares_rest |= rest != number as u32;
             placed.slots += batch.slots;
             placed.round_tiles += own.tiles[0] * own.tiles[1];
@@ -220,6 +230,7 @@ impl Upload {
         let of_stretch = |stretch| views.iter().map(|view| View { resumes: 1, stretch, ..*view }).collect::<Vec<_>>();
         placed.later = (1..stretches).map(|stretch| self.add_views(&of_stretch(stretch))).collect();
         placed.surfels = self.add_tables(&tables);
+        placed.casters = self.add_tables(&casters);
         placed
     }
 

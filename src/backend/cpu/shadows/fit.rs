@@ -10,10 +10,10 @@ use crate::backend::cpu::tiles::LANES;
 use crate::frame::{Frame, PosedSample, Raster};
 
 /// Slices of the depth before the camera. Two end at twice the depth at which they begin.
-pub(super) const SLICES: usize = 80;
+pub(in crate::backend) const SLICES: usize = 80;
 
 /// Most texels of a side of a map.
-const MOST_SIDE: f64 = 65_000.0;
+pub(in crate::backend) const MOST_SIDE: f64 = 65_000.0;
 
 /// Greatest radius of a run that is fitted as a whole, pixels.
 const SMALL: f32 = 16.0;
@@ -96,21 +96,13 @@ impl Fit {
         raster: &Raster,
         frame: &Frame,
     ) -> Self {
-        let starts: [f32; SLICES] = std::array::from_fn(|slice| (0.5 * slice as f32).exp2());
         let nothing = || vec![NOTHING; views.len() * SLICES];
         let camera = sample.world_from_camera.transpose();
         let size = raster.size.map(|pixels| pixels as f32);
-        // Slopes of the sides of the image, by which a pixel around it is seen, too.
-        let slope = |c: usize, pixel: f32| (pixel - raster.axis[c]) / raster.focal;
-        let ends = [0, 1].map(|c: usize| [slope(c, -2.0), slope(c, size[c] + 2.0)]);
+        let ends = slopes(raster);
         let lengths = ends.map(|ends| ends.map(|slope: f32| (1.0 + slope * slope).sqrt()));
-        // A large surfel is seen in part: what a slice shows of it is within the slice.
-        let within = |view: &LightView, slice: usize| {
-            let depths = [starts[slice], starts[slice] * std::f32::consts::SQRT_2].map(|start| start * frame.near);
-            Slice::of(view, depths, ends, sample.world_from_camera)
-        };
         let slices: Vec<Slice> =
-            views.iter().flat_map(|view| (0..SLICES).map(move |slice| within(view, slice))).collect();
+            views.iter().flat_map(|view| Slice::all(view, raster, frame.near, sample.world_from_camera)).collect();
         // Where blocks alone are rendered, what they show.
         let is_wanted = |at: [f32; 2], depth: f32, radius: f32| {
             let Some(blocks) = &frame.wanted else { return true };
@@ -138,6 +130,7 @@ impl Fit {
             let reaches = (depth + radius).is_finite() && depth + radius >= frame.near;
             reaches && !outside(0) && !outside(1) && is_wanted(at, depth, radius)
         };
+        let cells: Vec<_> = slices.iter().map(|slice| Cells::new(slice.bounds)).collect();
         let seen_runs: Vec<_> = runs.iter().filter(|run| sees(run.middle, run.reach)).collect();
         let depth = |place: Vec3| -(camera * place).z;
         let weight = |run: &Run<'_>| (run.reach / depth(run.middle).max(frame.near)).powi(2);
@@ -153,11 +146,11 @@ impl Fit {
                 let Some(shown) = on_view(view, place, radius) else { continue };
                 let [_, behind] = grounds[number].behind(place, radius, half(number));
                 for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
-                    let nearest = from.max(frame.near * starts[slice]);
                     let at = number * SLICES + slice;
+                    let nearest = from.max(slices[at].start);
                     if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
                         seen[at] = seen[at].and(shown);
-                        slices[at].cells.receive(shown.bounds, behind);
+                        cells[at].receive(shown.bounds, behind);
                     }
                 }
             }
@@ -180,7 +173,6 @@ impl Fit {
         };
         let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
         let seen = seen_runs.par_iter().fold(nothing, of_run).reduce(nothing, join);
-        let cells = slices.into_iter().map(|slice| slice.cells).collect();
         Self { seen, cells, grounds, is_point: views.iter().any(|view| view.is_point) }
     }
 
@@ -212,17 +204,35 @@ impl Fit {
     }
 }
 
-/// What a view of a light shows of the part of space that a slice is.
-struct Slice {
+/// Slopes of the sides of the image, by which two pixels around it are seen, too.
+fn slopes(raster: &Raster) -> [[f32; 2]; 2] {
+    let slope = |c: usize, pixel: f32| (pixel - raster.axis[c]) / raster.focal;
+    [0, 1].map(|c: usize| [slope(c, -2.0), slope(c, raster.size[c] as f32 + 2.0)])
+}
+
+/// What a view of a light shows of the part of space that a slice is. A large surfel is seen in part: what a slice
+/// shows of it is within the slice.
+pub(in crate::backend) struct Slice {
     /// Least and greatest x, then y, on the plane of the view.
-    bounds: [[f32; 2]; 2],
+    pub bounds: [[f32; 2]; 2],
     /// Greatest distance along the axis of the view.
-    farthest: f32,
-    /// The same bounds in cells.
-    cells: Cells,
+    pub farthest: f32,
+    /// Depth before the camera at which it begins.
+    pub start: f32,
 }
 
 impl Slice {
+    /// All slices in a view, from the depth `near`.
+    pub(in crate::backend) fn all(view: &LightView, raster: &Raster, near: f32, world_from_camera: Mat3) -> Vec<Self> {
+        let ends = slopes(raster);
+        let slice = |slice: usize| {
+            let start = (0.5 * slice as f32).exp2();
+            let depths = [start, start * std::f32::consts::SQRT_2].map(|start| start * near);
+            Self::of(view, depths, ends, world_from_camera)
+        };
+        (0..SLICES).map(slice).collect()
+    }
+
     /// The part of space between two depths and the sides of the image, whose slopes are `ends`.
     fn of(view: &LightView, depths: [f32; 2], ends: [[f32; 2]; 2], world_from_camera: Mat3) -> Self {
         let corner = |n: usize| {
@@ -230,15 +240,15 @@ impl Slice {
             view.place(world_from_camera * Vec3::new(x * depth, -y * depth, -depth))
         };
         let corners: [Vec3; 8] = std::array::from_fn(corner);
+        let [start, _] = depths;
         let farthest = corners.iter().map(|corner| corner.z).fold(f32::NEG_INFINITY, f32::max);
         // What is behind a face is on another.
         if view.is_point && farthest <= 0.0 {
-            return Self { bounds: NOTHING.bounds, farthest, cells: Cells::new(NOTHING.bounds) };
+            return Self { bounds: NOTHING.bounds, farthest, start };
         }
         // Beside a light that is a point, space is no part of a face.
         if view.is_point && corners.iter().any(|corner| corner.z <= 1e-3 * corner.length()) {
-            let bounds = [[-1.0, 1.0]; 2];
-            return Self { bounds, farthest, cells: Cells::new(bounds) };
+            return Self { bounds: [[-1.0, 1.0]; 2], farthest, start };
         }
         let bounds = [0, 1].map(|c: usize| {
             let on_plane = |corner: &Vec3| if view.is_point { corner[c] / corner.z } else { corner[c] };
@@ -247,7 +257,7 @@ impl Slice {
             let margin = 1e-3 * (most - least);
             [least - margin, most + margin]
         });
-        Self { bounds, farthest, cells: Cells::new(bounds) }
+        Self { bounds, farthest, start }
     }
 
     /// What it shows of something with these bounds; `None` where that is beside it.

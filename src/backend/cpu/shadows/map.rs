@@ -12,7 +12,7 @@ use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 
 /// Places on a face reach to 1 from its middle, and a texel or two farther.
-const BEYOND_FACE: f32 = 0.99;
+pub(in crate::backend) const BEYOND_FACE: f32 = 0.99;
 /// Rows of a map that are drawn together.
 const ROWS: usize = 32;
 

@@ -9,10 +9,10 @@
 //! edges of shadows converge with the samples, without a filter.
 
 mod cells;
-mod fit;
-mod map;
+pub(in crate::backend) mod fit;
+pub(in crate::backend) mod map;
 mod run;
-mod view;
+pub(in crate::backend) mod view;
 
 use std::sync::Arc;
 
@@ -34,12 +34,10 @@ const LEAST_TEXELS: u64 = 1 << 20;
 
 /// Maps of a light that a surfel is on, in the mean.
 const CASTER_MAPS: usize = 6;
-/// Distance of a point light, in those of the farthest surfel, beyond which its rays count as parallel.
-const PARALLEL: f32 = 3000.0;
 /// Units in the last place of all that is added to find a distance.
 const ROUNDING: f32 = 8.0 * f32::EPSILON;
 /// Least cosine between a surface and the light for which the tolerance along the ray grows.
-const GRAZING: f32 = 0.1;
+pub(in crate::backend) const GRAZING: f32 = 0.1;
 
 /// The shadow maps of all lights of a time sample.
 #[derive(Debug, Default)]
@@ -90,19 +88,9 @@ impl Shadows {
         let extent = runs.iter().map(|run| run.middle.length() + run.reach);
         let extent = extent.filter(|length| length.is_finite()).fold(frame.near, f32::max);
         for (number, light) in (0..).zip(&sample.lights) {
-            let views = match *light {
-                ShadingLight::Directional { towards, shadows: true, .. } => {
-                    vec![LightView::directional(towards, right)]
-                }
-                // So far away rays are as good as parallel, and rounding would hide what they meet.
-                ShadingLight::Point { position, shadows: true, .. } if position.length() > PARALLEL * extent => {
-                    vec![LightView::directional(position.normalize_or(Vec3::Y), right)]
-                }
-                ShadingLight::Point { position, shadows: true, .. } => LightView::faces(position).to_vec(),
-                _ => {
-                    self.lights.push(None);
-                    continue;
-                }
+            let Some(views) = LightView::of(light, right, extent) else {
+                self.lights.push(None);
+                continue;
             };
             let fit = Fit::of(&runs, &views, sample, raster, frame);
             let jitter = jitter(sample, number);
@@ -177,12 +165,12 @@ impl Shadows {
 }
 
 /// Most texels of all maps of a light.
-fn most_texels(frame: &Frame) -> u64 {
+pub(in crate::backend) fn most_texels(frame: &Frame) -> u64 {
     (u64::from(frame.size[0]) * u64::from(frame.size[1]) * TEXELS_OF_PIXEL).max(LEAST_TEXELS)
 }
 
 /// Where the grid of a light's maps begins, texels in [0, 1): another place for each point on the light and each time.
-fn jitter(sample: &PosedSample, light: u64) -> [f32; 2] {
+pub(in crate::backend) fn jitter(sample: &PosedSample, light: u64) -> [f32; 2] {
     let seed = sample.time.to_bits() ^ sample.number.rotate_left(40);
     [0, 1].map(|d| hash(seed, 2 * light + d) as f32 / 4_294_967_296.0)
 }

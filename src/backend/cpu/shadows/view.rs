@@ -3,10 +3,14 @@
 use glam::{Mat3, Vec3};
 
 use crate::backend::cpu::tiles::{LANES, Lanes};
+use crate::shading::ShadingLight;
+
+/// Distance of a point light, in those of the farthest surfel, beyond which its rays count as parallel.
+const PARALLEL: f32 = 3000.0;
 
 /// A view of a light.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LightView {
+pub(in crate::backend) struct LightView {
     /// From axes of the world to those of the view: x and y on its plane, and away from the light.
     axes: Mat3,
     /// Where rays start, relative to the eye, world axes; 0 where they are parallel.
@@ -16,9 +20,28 @@ pub(super) struct LightView {
 }
 
 impl LightView {
+    /// The views of a light; `None` where it has no shadows. `right`: that of the camera. `extent`: distance of the
+    /// farthest surfel from the eye.
+    pub(in crate::backend) fn of(light: &ShadingLight, right: Vec3, extent: f32) -> Option<Vec<Self>> {
+        match *light {
+            ShadingLight::Directional { towards, shadows: true, .. } => Some(vec![Self::directional(towards, right)]),
+            // So far away rays are as good as parallel, and rounding would hide what they meet.
+            ShadingLight::Point { position, shadows: true, .. } if position.length() > PARALLEL * extent => {
+                Some(vec![Self::directional(position.normalize_or(Vec3::Y), right)])
+            }
+            ShadingLight::Point { position, shadows: true, .. } => Some(Self::faces(position).to_vec()),
+            _ => None,
+        }
+    }
+
+    /// The rotation from axes of the world, and where rays start; see the fields.
+    pub(in crate::backend) const fn pose(&self) -> (Mat3, Vec3) {
+        (self.axes, self.origin)
+    }
+
     /// The view of a light infinitely far in the unit direction `towards`. Its x lies as near as can be to the unit
     /// vector `right` of the camera: then slices of the camera's depth lie along an axis of the plane.
-    pub(super) fn directional(towards: Vec3, right: Vec3) -> Self {
+    fn directional(towards: Vec3, right: Vec3) -> Self {
         let across = right - towards * towards.dot(right);
         // What is left of a parallel vector is rounding.
         let is_across = across.length_squared() > 1e-4;
@@ -29,7 +52,7 @@ impl LightView {
     }
 
     /// The six of a light at `position`: along +x, -x, +y, -y, +z, -z.
-    pub(super) fn faces(position: Vec3) -> [Self; 6] {
+    fn faces(position: Vec3) -> [Self; 6] {
         let along = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z];
         along.map(|along| Self { axes: axes(along), origin: position, is_point: true })
     }

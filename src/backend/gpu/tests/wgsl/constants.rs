@@ -13,10 +13,14 @@ use crate::backend::cpu::land::LEAST_SPEED;
 use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::cpu::project::{CROSSING, CULLED, ORDINARY};
 use crate::backend::cpu::published::ray::FAR;
+use crate::backend::cpu::shadows::GRAZING;
+use crate::backend::cpu::shadows::fit::{MOST_SIDE, SLICES};
+use crate::backend::cpu::shadows::map::BEYOND_FACE;
 use crate::backend::cpu::swept::attribute::HIDDEN;
 use crate::backend::cpu::swept::hull::HULL_SLACK;
 use crate::backend::cpu::swept::project::REACH;
 use crate::backend::cpu::swept::resolve::NOISE;
+use crate::backend::cpu::tiles::LANES;
 use crate::backend::cpu::transparent::accumulators::OPAQUE;
 use crate::backend::cpu::transparent::composite::MOST_ALPHA;
 use crate::backend::cpu::transparent::project::{
@@ -29,6 +33,7 @@ use crate::backend::gpu::layout::{
 };
 use crate::backend::gpu::memory::MASKS;
 use crate::backend::gpu::passes::Variant;
+use crate::backend::gpu::shadows::{DRAWING, LIGHTS_OF_MASK, MAP_WORDS};
 use crate::environment::cube::{DEVIATION, LAST_FACE};
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::Blocks;
@@ -53,12 +58,15 @@ fn shared() -> Vec<(&'static str, Bits)> {
     vec![
         ("AMBIENT", float(AMBIENT)),
         ("BAND", whole(DepthLayer::Band as u32)),
+        ("BEYOND_FACE", float(BEYOND_FACE)),
         ("BLOCK", whole(Blocks::EDGE)),
         ("CROSSING", whole(CROSSING)),
         ("CULLED", whole(CULLED)),
+        ("DEPTH_SLICES", whole(SLICES)),
         ("DEVIATION", float(DEVIATION)),
         ("DIGITS", whole(1_u32 << DIGIT_BITS)),
         ("DIRECTIONAL", float(DIRECTIONAL)),
+        ("DRAWING", whole(DRAWING)),
         ("ELLIPSOID_PEAK", float(ELLIPSOID_PEAK)),
         ("EPSILON", float(f32::EPSILON)),
         ("FAINTEST_DEPTH", float(FAINTEST_DEPTH)),
@@ -72,6 +80,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("FLAG_LOW_PASS", whole(FLAG_LOW_PASS)),
         ("FLAG_VOLUME", whole(FLAG_VOLUME)),
         ("FRONT", whole(DepthLayer::Front as u32)),
+        ("GRAZING", float(GRAZING)),
         ("HALF_LOG2_E", float(HALF_LOG2_E)),
         ("HALF_SIDE", float(HALF_SIDE)),
         ("HALF_SQRT_PI", float(HALF_SQRT_PI)),
@@ -85,8 +94,10 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("LEAST_SPEED", float(LEAST_SPEED)),
         ("LEFT_OUT_HIGH", of_status(offset_of!(Status, left_out_high))),
         ("LEFT_OUT_LOW", of_status(offset_of!(Status, left_out_low))),
+        ("LIGHTS_OF_MASK", whole(LIGHTS_OF_MASK)),
         ("LINE_PEAK", float(LINE_PEAK)),
         ("LOG2_FAINTEST", float(FAINTEST.log2())),
+        ("MAP_WORDS", whole(MAP_WORDS)),
         ("MASKS", whole(MASKS)),
         ("MOST_ALPHA", float(MOST_ALPHA)),
         ("MOST_BEND", float(MOST_BEND)),
@@ -99,6 +110,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("REACH", float(REACH)),
         ("REST", whole(DepthLayer::Rest as u32)),
         ("ROUND", float(ROUND)),
+        ("ROW_END", float(LANES as f32)),
         ("ROUNDING", float(ROUNDING)),
         ("SECOND", whole(DepthLayer::Second as u32)),
         ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
@@ -106,6 +118,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("IS_REST", whole(IS_REST)),
         ("IN_STRETCHES", whole(IN_STRETCHES)),
         ("LISTS_ALONE", whole(LISTS_ALONE)),
+        ("MOST_SIDE", float(MOST_SIDE as f32)),
         ("MOST_PLANES", whole(FilmPlanes::of(&Aov::ALL).pooled().count)),
         ("SHARES_TILES", whole(SHARES_TILES)),
         // The bits of flags above all that kernels in motion have.
@@ -126,15 +139,23 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 17] = [
+const OF_DEVICE: [(&str, &str); 28] = [
     ("LANES", "invocations of a workgroup by pixels"),
     ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
     ("PANEL_COLUMNS", "how a workgroup by pixels parts its tile"),
     ("PANEL_ROWS", "how a workgroup by pixels parts its tile"),
     ("PANELS", "how a workgroup by pixels parts its tile"),
     ("PANELS_OF_ROW", "how a workgroup by pixels parts its tile"),
+    ("CORNER", "word of a map; the CPU has fields"),
+    ("END_SLICE", "likewise"),
+    ("FEW", "how workgroups part the texels of a surfel"),
+    ("FIRST_SLICE", "word of a map; the CPU has fields"),
+    ("FIRST_TEXEL", "likewise"),
+    ("GROWTH", "the CPU may take more texels than asked for"),
     ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
     ("MOST_LAYER", "the last float that a cast holds; casts saturate on the CPU"),
+    ("MANY", "how workgroups part the texels of a surfel"),
+    ("MOST_TRIES", "the CPU may take more texels than asked for"),
     ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),
     ("NO_LANDING", "the CPU has no branch that would need it: it lands all surfels of a vector"),
     ("OUTSIDE", "mark in workgroup memory"),
@@ -142,7 +163,10 @@ const OF_DEVICE: [(&str, &str); 17] = [
     ("PIECES_OF_ROW", "likewise"),
     ("RUN", "how a workgroup counts entries of a list; the CPU sorts them"),
     ("RUNS", "likewise"),
+    ("SIZE", "word of a map; the CPU has fields"),
+    ("TEXEL", "word of a map; the CPU has fields"),
     ("UNWANTED", "mark in thresholds; the CPU skips pixels that are not wanted"),
+    ("WIDE_CASTERS", "word of a map"),
     ("WIDE", "mark of pass `bin` for its own programs"),
 ];
 

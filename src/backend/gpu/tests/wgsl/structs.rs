@@ -83,7 +83,8 @@ fn shared() -> Vec<(&'static str, Layout)> {
             first_moment,
             walks,
             stretch,
-            epsilon
+            epsilon,
+            casters
         }),
         layout!(Segment {
             screen,

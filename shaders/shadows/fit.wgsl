@@ -1,0 +1,116 @@
+// Includes: common/types common/views common/work common/wanted shadows/posed
+// What the views of lights show of receivers: of all surfels that the camera may see.
+// Twin: Fit::of of src/backend/cpu/shadows/fit.rs.
+//   in   segments, geometry   of all opaque surfels
+//        lights               their views
+//        wanted
+//   out  maps                 bounds of receivers, as shadows/maps.wgsl has them; 0 before
+// One invocation per surfel of a segment, in any order.
+
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(3) var<storage, read> lights: array<Light>;
+@group(1) @binding(39) var<storage, read_write> maps: array<atomic<u32>>;
+
+// A word that is the greater, the greater the value; never 0.
+fn key_of(value: f32) -> u32 {
+    let bits = bitcast<u32>(value);
+    return select(bits | 0x80000000u, ~bits, bits >= 0x80000000u);
+}
+
+// Raises a word. Most surfels lie within what others have raised: reading is faster.
+fn raise(at: u32, key: u32) {
+    if atomicLoad(&maps[at]) < key { atomicMax(&maps[at], key); }
+}
+
+// Columns and rows of the raster.
+fn size_of_raster() -> vec2<f32> {
+    return vec2<f32>(f32(view.pixels.y) + 1.0, height_of_raster());
+}
+
+// Does a ball show in the image, or within two pixels around it? `at`: to the right and down, at `depth` before the
+// camera.
+fn sees(at: vec2<f32>, depth: f32, radius: f32) -> bool {
+    if !finite(depth + radius) || !(depth + radius >= view.near) { return false; }
+    // Slopes of the sides of the image.
+    let low = (vec2<f32>(-2.0) - view.axis) / view.focal;
+    let high = (size_of_raster() + 2.0 - view.axis) / view.focal;
+    let before = at - low * depth < -radius * sqrt(1.0 + low * low);
+    let beyond = at - high * depth > radius * sqrt(1.0 + high * high);
+    return !any(before) && !any(beyond);
+}
+
+// Does any block show the ball that is wanted?
+fn wants(at: vec2<f32>, depth: f32, radius: f32) -> bool {
+    if view.blocks.x == 0u || depth - radius < view.near { return true; }
+    let low = view.focal * (at - radius);
+    let high = view.focal * (at + radius);
+    // An end is farthest out at the nearer of the depths.
+    let nearer = depth - radius;
+    let farther = depth + radius;
+    let least = view.axis + min(low / nearer, low / farther) - 3.0;
+    let most = view.axis + max(high / nearer, high / farther) + 3.0;
+    let end = max(size_of_raster() - 1.0, vec2<f32>(0.0));
+    let first = (vec2<u32>(clamp(least, vec2<f32>(0.0), end)) + view.first) / BLOCK;
+    let last = (vec2<u32>(clamp(most, vec2<f32>(0.0), end)) + view.first) / BLOCK;
+    for (var y = first.y; y <= last.y; y += 1u) {
+        for (var x = first.x; x <= last.x; x += 1u) {
+            if is_wanted_block(vec2<u32>(x, y)) { return true; }
+        }
+    }
+    return false;
+}
+
+// The bounds of a ball on the plane of a view, least x and y first; the first are greater than the last where it is
+// beside or behind.
+fn bounds_on(of_light: LightView, place: vec3<f32>, radius: f32) -> vec4<f32> {
+    if !of_light.is_point { return vec4<f32>(place.xy - radius, place.xy + radius); }
+    if place.z <= -radius { return vec4<f32>(1.0, 1.0, -1.0, -1.0); }
+    if place.z <= 2.0 * radius { return vec4<f32>(-1.0, -1.0, 1.0, 1.0); }
+    let at = place.xy / place.z;
+    let extent = 2.0 * radius / place.z * (1.0 + abs(at));
+    return vec4<f32>(max(at - extent, vec2<f32>(-1.0)), min(at + extent, vec2<f32>(1.0)));
+}
+
+@compute @workgroup_size(256)
+fn shadow_fit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = surfel_of(group.x, lane);
+    if index >= segment.surfels { return; }
+    view = views[segment.view];
+    let of_surfel = 3u * (segment.first_surfel + index);
+    let centre = apply(segment.world, placed(of_surfel));
+    let u = column_of(of_surfel, 3u);
+    let v = column_of(of_surfel, 6u);
+    // A map stretches by no more than the root of the sum of the squares of its entries.
+    let x = segment.world[0].xyz;
+    let y = segment.world[1].xyz;
+    let z = segment.world[2].xyz;
+    let radius = sqrt(dot3(u, u) + dot3(v, v)) * sqrt(dot3(x, x) + dot3(y, y) + dot3(z, z));
+    let at = vec2<f32>(dot3(view.camera[0].xyz, centre), -dot3(view.camera[1].xyz, centre));
+    let depth = depth_of(centre);
+    if !sees(at, depth, radius) || !wants(at, depth, radius) { return; }
+    let nearest = max(depth - radius, view.near);
+    let last = slice_of(depth + radius);
+    for (var light = 0u; light < SHADOW_LIGHTS; light += 1u) {
+        for (var face = 0u; face < FACES; face += 1u) {
+            let of_light = light_view(light, face);
+            // Parallel rays have one view.
+            if face > 0u && !of_light.is_point { break; }
+            let place = turned(of_light, centre - of_light.origin);
+            let bounds = bounds_on(of_light, place, radius);
+            for (var slice = slice_of(nearest); slice <= last; slice += 1u) {
+                // A large surfel is seen in part: what a slice shows of it is within the slice.
+                let within = lights[slice_at(light, face, slice)];
+                let low = max(bounds.xy, within.vector.xy);
+                let high = min(bounds.zw, within.vector.zw);
+                if !all(low <= high) { continue; }
+                let map = map_of(light, face, slice);
+                raise(map, key_of(high.x));
+                raise(map + 1u, key_of(high.y));
+                raise(map + 2u, ~key_of(low.x));
+                raise(map + 3u, ~key_of(low.y));
+                raise(map + 4u, ~key_of(max(nearest, within.colour.y)));
+                raise(map + 5u, key_of(min(place.z + radius, within.colour.x)));
+            }
+        }
+    }
+}

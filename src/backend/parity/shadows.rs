@@ -1,0 +1,116 @@
+//! Shadow maps: whole frames against the CPU's, in rounds, batches and bands.
+
+use glam::{DVec3, Vec3};
+
+use super::cases::{Case, ball, object, scene};
+use super::gpu_or_skip;
+use super::mutants::{Mutant, all_are_noticed, named};
+use super::pictures::{look_the_same, render};
+use crate::backend::BackendError;
+use crate::backend::cpu::Cpu;
+use crate::backend::gpu::Gpu;
+use crate::model::Surfels;
+use crate::options::{BlurMode, Look, Prefilter, RenderOptions, Shading};
+use crate::renderer::render_checked;
+use crate::scene::{Light, Motion, Scene};
+use crate::time::FrameNumber;
+
+/// A disc that covers more texels than a workgroup takes, as a floor, and two balls, one of which moves.
+fn balls() -> Scene {
+    let mut floor = Surfels::default();
+    floor.position.push(Vec3::ZERO);
+    floor.axis_u.push(6.0 * Vec3::Z);
+    floor.axis_v.push(6.0 * Vec3::X);
+    floor.normal.push(Vec3::Y);
+    floor.colour.push(Vec3::ONE);
+    let mut moving = object(ball(900, 1, true), DVec3::new(-0.6, 0.0, -1.5));
+    moving.transform.scale = DVec3::splat(0.6);
+    moving.motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.2) }];
+    let mut still = object(ball(2000, 2, false), DVec3::new(0.6, 0.1, -2.0));
+    still.transform.scale = DVec3::splat(0.7);
+    let mut scene = scene(vec![object(floor, DVec3::new(0.0, -0.8, -2.0)), moving, still], [96, 72]);
+    scene.camera.eye = DVec3::new(0.0, 1.5, 2.0);
+    scene.camera.at = DVec3::new(0.0, -0.3, -1.8);
+    scene
+}
+
+fn cases() -> Vec<Case> {
+    let sun = Light::directional(DVec3::new(-0.5, -1.0, -0.3).normalize(), DVec3::splat(0.6)).with_shadows();
+    let lamp = Light::point(DVec3::new(0.3, 1.2, -1.0), DVec3::splat(0.8)).with_shadows();
+    let fill = Light::Ambient { colour: DVec3::splat(0.2) };
+    let case = |name, lights: &[Light], shading, prefilter| {
+        let mut scene = balls();
+        scene.lights = lights.to_vec();
+        let quality = BlurMode::supersample(3).into();
+        let options =
+            RenderOptions { quality, prefilter, look: Look { shading, ..Look::default() }, ..RenderOptions::default() };
+        Case { name, scene, options, in_part: false }
+    };
+    let mut cases = vec![
+        case("sun", &[sun], Shading::Phong, Prefilter::None),
+        case("lamp", &[lamp], Shading::Phong, Prefilter::None),
+        case("both", &[fill, sun, lamp], Shading::Phong, Prefilter::Approx),
+        case("surfels", &[fill, sun, lamp], Shading::Gouraud, Prefilter::None),
+        case("filtered", &[lamp, fill, sun], Shading::Phong, Prefilter::Ewa),
+        case("glass", &[sun, lamp], Shading::Phong, Prefilter::None),
+    ];
+    cases[5].scene.objects[1].opacity = 0.5;
+    cases
+}
+
+/// The device's picture of a case against the CPU's.
+fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
+    let want = render(&mut Cpu::default(), case).picture;
+    look_the_same(case.name, &render(gpu, case).picture, &want)
+}
+
+/// Shadows are the CPU's, and the same bytes in rounds of one group, in batches, and in as little memory as will do.
+#[test]
+fn shadows_are_the_cpus() {
+    let Some(mut gpu) = gpu_or_skip("shadows_are_the_cpus") else { return };
+    let (mut alone, mut batches) = (gpu.beside(), gpu.beside());
+    (alone.most_groups, batches.most_slots) = (1, 1000);
+    for case in cases() {
+        check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+        let whole = render(&mut gpu, &case).picture;
+        assert_eq!(render(&mut alone, &case).picture, whole, "{}: rounds of one group", case.name);
+        assert_eq!(render(&mut batches, &case).picture, whole, "{}: batches", case.name);
+        let mut least = case.clone();
+        least.options.memory = 1;
+        let refused = render_checked(&mut gpu, &least.scene, FrameNumber::from(0), &least.options);
+        let Err(BackendError::Memory { needed, .. }) = refused else { panic!("one byte is enough") };
+        least.options.memory = needed;
+        assert_eq!(render(&mut gpu, &least).picture, whole, "{}: {needed} bytes", case.name);
+    }
+}
+
+static MUTANTS: [Mutant; 20] = [
+    ([("end < others", "end > others")], "sun"),
+    ([("there, number + 1u)", "there, number)")], "sun"),
+    ([("max(segment.epsilon, rounding) / cosine", "0.0 / cosine")], "sun"),
+    ([("a * a + b * b <= 1.0", "a * a + b * b <= 0.8")], "sun"),
+    ([("a * a + b * b <= w * w", "a * a + b * b <= 0.8 * w * w")], "lamp"),
+    ([("select(4u, 5u, p.z < 0.0)", "select(5u, 4u, p.z < 0.0)")], "lamp"),
+    ([("plane.w + rounding >= 0.0", "rounding >= 0.0")], "sun"),
+    ([("1.0 + tolerance / distance", "1.0 - tolerance / distance")], "lamp"),
+    ([("it.low - of_light.jitter * texel", "it.low - 9.0 * of_light.jitter * texel")], "sun"),
+    ([("vec2<u32>(FEW, MANY), lane", "vec2<u32>(FEW, FEW), lane")], "both"),
+    ([("vec2<u32>(MANY, room())", "vec2<u32>(MANY, MANY)")], "glass"),
+    ([("lights[slice_at(light, face, slice)]", "lights[slice_at(light, face, 0u)]")], "sun"),
+    ([("(view.number * SHADOW_LIGHTS + light) * view.casters", "light * view.casters")], "sun"),
+    ([("(view.number * SHADOW_LIGHTS + light) * (FACES", "light * (FACES")], "sun"),
+    ([("u32(light.colour.w) - 1u, place", "0u, place")], "both"),
+    ([("(number % LIGHTS_OF_MASK)) & 1u", "((number + 1u) % LIGHTS_OF_MASK)) & 1u")], "surfels"),
+    ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "surfels"),
+    ([("-dot3(view.camera[1].xyz, centre)", "dot3(view.camera[1].xyz, centre)")], "filtered"),
+    ([("normal.z * towards.z > 0.0", "normal.z * towards.z > 0.3")], "both"),
+    ([("(2u + DEPTH_SLICES) * (light * FACES + face)", "(2u + DEPTH_SLICES) * (light * FACES)")], "lamp"),
+];
+
+#[test]
+#[ignore = "deep: broken programs"]
+fn broken_shadows_are_noticed() {
+    let Some(mut gpu) = gpu_or_skip("broken_shadows_are_noticed") else { return };
+    let cases = cases();
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
+}
