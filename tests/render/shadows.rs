@@ -143,6 +143,10 @@ fn a_half_plane_under_a_wide_light(on: &mut dyn Backend) {
 /// A ball flies through the light of a point: each place of the floor is dark for the time in which its ray to the
 /// light meets the ball.
 fn a_moving_ball(on: &mut dyn Backend) {
+    moving_ball(on, &["supersample:256", "bucket:64x2"]);
+}
+
+fn moving_ball(on: &mut dyn Backend, modes: &[&str]) {
     let (lamp, radius) = (DVec3::new(0.1, 2.0, 0.0), 0.1);
     let (start, velocity) = (DVec3::new(-0.25, 0.9, 0.0), DVec3::new(0.5, 0.0, 0.0));
     let floor = square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.02);
@@ -177,7 +181,7 @@ fn a_moving_ball(on: &mut dyn Backend) {
         places.map(|[dx, dz]| truth(x + dx * pixel, z + dz * pixel)).sum::<f64>() / 16.0
     };
     let truth: Vec<f64> = pixels.iter().map(mean).collect();
-    for mode in ["supersample:256", "bucket:64x2", "volumetric:64"] {
+    for mode in modes {
         let picture = render(on, &scene, &RenderOptions { quality: mode.parse().unwrap(), ..RenderOptions::default() });
         let difference = |((row, column), truth): (&(usize, usize), &f64)| {
             (f64::from(picture.rgba[row * 96 + column][0]) - truth).abs()
@@ -193,6 +197,10 @@ fn a_moving_ball(on: &mut dyn Backend) {
 /// The samples of a bucket share a map, and so does an interval. What moves throws no shadow on itself by that: modes
 /// are about as far from many samples with shadows as without.
 fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
+    own_shadow(on, "bucket:4x16");
+}
+
+fn own_shadow(on: &mut dyn Backend, mode: &str) {
     let mut scene = from_above(vec![square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.02)], [96, 64]);
     let mut model = sphere(4000);
     let small = |v: &mut Vec3| *v *= 0.15;
@@ -209,15 +217,35 @@ fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
         render(on, &scene, &RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() })
     };
     let many = [true, false].map(|shadows| picture("supersample:128", shadows));
-    for mode in ["bucket:4x16", "volumetric:4"] {
-        let [with, without] = [0, 1].map(|at: usize| {
-            let one = picture(mode, at == 0);
-            let pairs = one.rgba.iter().zip(&many[at].rgba);
-            let sum: f64 = pairs.map(|(a, b)| f64::from(a[0] - b[0]).powi(2)).sum();
-            (sum / many[at].rgba.len() as f64).sqrt()
-        });
-        println!("{mode}: rms {with:.4}, without shadows {without:.4}");
-        assert!(with < 1.25 * without, "{mode}: {with}, without shadows {without}");
+    let [with, without] = [0, 1].map(|at: usize| {
+        let one = picture(mode, at == 0);
+        let pairs = one.rgba.iter().zip(&many[at].rgba);
+        let sum: f64 = pairs.map(|(a, b)| f64::from(a[0] - b[0]).powi(2)).sum();
+        (sum / many[at].rgba.len() as f64).sqrt()
+    });
+    println!("{mode}: rms {with:.4}, without shadows {without:.4}");
+    assert!(with < 1.25 * without, "{mode}: {with}, without shadows {without}");
+}
+
+/// Mode `volumetric`, on the CPU: an interval has the shadows of its middle. The GPU refuses them.
+#[test]
+fn intervals_have_the_shadows_of_their_middles() {
+    moving_ball(&mut Cpu::default(), &["volumetric:64"]);
+    own_shadow(&mut Cpu::default(), "volumetric:4");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn the_gpu_refuses_shadows_of_intervals() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_refuses_shadows_of_intervals") else { return };
+    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
+    for quality in ["volumetric:2", "volumetric:2+published"] {
+        let options = RenderOptions { quality: quality.parse().unwrap(), ..RenderOptions::default() };
+        let refused = render_frame(&mut gpu, &scene, 0, &options);
+        assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{quality}: {refused:?}");
+        let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..options };
+        render(&mut gpu, &scene, &without);
     }
 }
 

@@ -50,6 +50,10 @@ impl ShadowSizes {
         let Some(sample) = frame.all_samples().next().filter(|_| frame.has_shadows()) else {
             return Ok(Self::default());
         };
+        if frame.swept.is_some() {
+            let what = "the GPU backend has, in mode `volumetric`,";
+            return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
+        }
         let shadows = || sample.lights.iter().filter(|light| light.has_shadows());
         let lights = shadows().count() as u64;
         if lights > MOST_LIGHTS {
