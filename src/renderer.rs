@@ -16,7 +16,7 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{BlockErrors, Cut, CutTolerance, Light, Object, Scene, Shape};
+use crate::scene::{BlockErrors, Cut, CutTolerance, Object, Scene, Shape};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
@@ -371,7 +371,7 @@ fn check_values(scene: &Scene, options: &RenderOptions) -> Result<(), BackendErr
 
 /// Does a picture have shadows?
 fn has_shadows(scene: &Scene, options: &RenderOptions) -> bool {
-    options.look.shadows && scene.lights.iter().any(Light::has_shadows)
+    options.look.shadows && scene.has_shadows()
 }
 
 /// Refuses what has no shadows.

@@ -35,6 +35,11 @@ pub enum ShadingLight {
         /// Are there shadows in it?
         shadows: bool,
     },
+    /// From all around, smooth and without shadows: it has no highlights.
+    Harmonics {
+        /// Factors on the nine polynomials of [`harmonics`].
+        terms: [Vec3; 9],
+    },
 }
 
 impl ShadingLight {
@@ -53,6 +58,26 @@ pub fn lobes(n: [f32; 3], towards: [f32; 3], view: [f32; 3], shininess: f32) -> 
     let nl = dot(n, towards);
     let rv = 2.0 * nl * dot(n, view) - dot(towards, view);
     (if nl > 0.0 { nl } else { 0.0 }, fast::pow(if rv > 0.0 { rv } else { 0.0 }, shininess))
+}
+
+/// What a white surface with unit normal `n` shows of light from all around (Ramamoorthi and Hanrahan 2001): factors
+/// `terms` on 1, x, y, z, x y, y z, 2 x z, x^2 - z^2 and 2 y^2 - x^2 - z^2. Nine harmonics go below 0 opposite a small
+/// light; that is taken for 0.
+///
+/// A shorter normal is the mean of several, and what it shows is nearly the mean of theirs.
+#[inline(always)]
+pub fn harmonics(terms: &[Vec3; 9], n: [f32; 3]) -> [f32; 3] {
+    let [x, y, z] = n;
+    let (xx, zz) = (x * x, z * z);
+    let of_normal = [x, y, z, x * y, y * z, 2.0 * x * z, xx - zz, 2.0 * y * y - (xx + zz)];
+    let mut sum = terms[0].to_array();
+    for c in 0..3 {
+        for k in 0..8 {
+            sum[c] += terms[k + 1][c] * of_normal[k];
+        }
+        sum[c] = if sum[c] > 0.0 { sum[c] } else { 0.0 };
+    }
+    sum
 }
 
 /// The direction that a mirror with unit normal `n` shows to the unit direction `view` (from the surface to the eye):
@@ -97,6 +122,10 @@ pub fn shade(lights: &[ShadingLight], material: &Material, colour: Vec3, normal:
         let (towards, radiance) = match *light {
             ShadingLight::Ambient { colour: la } => {
                 out += material.ambient * colour * la;
+                continue;
+            }
+            ShadingLight::Harmonics { terms } => {
+                out += material.diffuse * colour * Vec3::from(harmonics(&terms, normal.to_array()));
                 continue;
             }
             ShadingLight::Directional { towards, colour, .. } => (towards.to_array(), colour),

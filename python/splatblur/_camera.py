@@ -330,13 +330,15 @@ def _colour(colour: npt.ArrayLike | None, color: npt.ArrayLike | None) -> tuple[
 
 
 class Environment:
-    """What surrounds a scene, infinitely far: surfaces may mirror it, and it may be the background.
+    """What surrounds a scene, infinitely far: surfaces may mirror it, it may be the background, and it may light them.
 
     Args:
-        picture: A file, PNG or EXR, or pixels (H, 2 H, 3), linear: all directions by latitude and longitude.
+        picture: A file, PNG, EXR or Radiance HDR, or pixels (H, 2 H, 3), linear: all directions by latitude and longitude.
         rotation: Turns it about +y, degrees.
         intensity: A factor on its light.
         background: Shows it where no surface does.
+        light: Lights the scene with it. The default is to do so where the scene has no lights of its own.
+        shadows: Surfaces cast shadows in its light. Without them it is smooth.
 
     Raises:
         InvalidValue: The picture is not twice as wide as high, or has values below 0 or not finite.
@@ -350,9 +352,12 @@ class Environment:
         rotation: float = 0.0,
         intensity: float = 1.0,
         background: bool = True,
+        light: bool | None = None,
+        shadows: bool = True,
     ) -> None:
         numbers = _arrays.number(rotation, "rotation"), _arrays.number(intensity, "intensity")
-        settings = (*numbers, _arrays.flag(background, "background"))
+        flags = _arrays.flag(background, "background"), _arrays.flag(shadows, "shadows")
+        settings = (*numbers, *flags, None if light is None else _arrays.flag(light, "light"))
         if isinstance(picture, (str, PathLike)):
             self._native = _native.Environment.load(fspath(picture), *settings)
         else:
@@ -370,5 +375,9 @@ class Environment:
         return _surroundings, (path or self._native.pixels(), *self._native.settings)
 
 
-def _surroundings(picture: Any, rotation: float, intensity: float, background: bool) -> Environment:
-    return Environment(picture, rotation=rotation, intensity=intensity, background=background)
+def _surroundings(
+    picture: Any, rotation: float, intensity: float, background: bool, shadows: bool, light: bool | None
+) -> Environment:
+    return Environment(
+        picture, rotation=rotation, intensity=intensity, background=background, light=light, shadows=shadows
+    )

@@ -32,7 +32,7 @@ class Scene(Fixed):
         objects: The objects. `scene["name"]` finds one.
         camera: The camera, or `None`: one that sees all objects.
         shutter: The exposure.
-        lights: The lights, or `None`: one from the upper right front, and some ambient light.
+        lights: The lights, or `None`: the environment, or one from the upper right front, and some ambient light.
         background: Linear colour where nothing is, (3,).
         transparent: Leave the background out, and keep alpha.
         environment: What surrounds the scene, or `None`.

@@ -80,17 +80,40 @@ impl Camera {
 
 /// What surrounds a scene. It never changes.
 #[pyclass(frozen, module = "splatblur._native")]
-pub(crate) struct Environment(splatblur::Environment);
+pub(crate) struct Environment {
+    environment: splatblur::Environment,
+    /// Is it a light? `None`: where the scene has no lights of its own.
+    light: Option<bool>,
+}
+
+/// How a picture surrounds a scene.
+struct Around {
+    /// Degrees.
+    rotation: f64,
+    intensity: f64,
+    background: bool,
+    shadows: bool,
+    light: Option<bool>,
+}
 
 #[pymethods]
 impl Environment {
-    /// The picture of a file, PNG or EXR.
+    /// The picture of a file: PNG, EXR or Radiance HDR.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, rotation: f64, intensity: f64, background: bool) -> PyResult<Self> {
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        rotation: f64,
+        intensity: f64,
+        background: bool,
+        shadows: bool,
+        light: Option<bool>,
+    ) -> PyResult<Self> {
         guard(py)?;
         let picture = py.detach(|| Picture::read(&path)).or_raise(py)?;
         let pixels = picture.rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
-        Self::of(py, picture.width as usize, pixels, path, (rotation, intensity, background))
+        let around = Around { rotation, intensity, background, shadows, light };
+        Self::of(py, picture.width as usize, pixels, path, &around)
     }
 
     /// A picture (H, 2 H, 3), linear.
@@ -100,41 +123,44 @@ impl Environment {
         rotation: f64,
         intensity: f64,
         background: bool,
+        shadows: bool,
+        light: Option<bool>,
     ) -> PyResult<Self> {
         let py = pixels.py();
         let &[_, width, 3] = pixels.shape() else {
             return Err(invalid(py, "environment", &format!("of shape {:?}", pixels.shape()), "(H, 2 H, 3)"));
         };
         let rows = pixels.as_slice().map_or_else(|_| Vec::new(), |values| values.as_chunks::<3>().0.to_vec());
-        Self::of(py, width, rows, PathBuf::new(), (rotation, intensity, background))
+        Self::of(py, width, rows, PathBuf::new(), &Around { rotation, intensity, background, shadows, light })
     }
 
     /// The file; empty where it was made of pixels.
     #[getter]
     fn path(&self) -> OsString {
-        self.0.path.clone().into_os_string()
+        self.environment.path.clone().into_os_string()
     }
 
-    /// Rotation in degrees, intensity, and whether it is the background.
+    /// Rotation in degrees, intensity, and whether it is the background, has shadows and is a light.
     #[getter]
-    fn settings(&self) -> (f64, f64, bool) {
-        (self.0.rotation.to_degrees(), self.0.intensity, self.0.background)
+    fn settings(&self) -> (f64, f64, bool, bool, Option<bool>) {
+        let own = &self.environment;
+        (own.rotation.to_degrees(), own.intensity, own.background, own.shadows, self.light)
     }
 
     /// Writes its picture as EXR, and gives the same environment as one of that file.
     fn saved(&self, py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let map = self.0.map();
+        let map = self.environment.map();
         let rgba = map.pixels().iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();
         let picture = Picture { width: map.width() as u32, height: map.height() as u32, rgba, layers: Vec::new() };
         py.detach(|| picture.write(&path)).or_raise(py)?;
-        let mut environment = self.0.clone();
+        let mut environment = self.environment.clone();
         environment.path = path;
-        Ok(Self(environment))
+        Ok(Self { environment, ..*self })
     }
 
     /// Its pixels (H, 2 H, 3).
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-        let map = self.0.map();
+        let map = self.environment.map();
         let values = map.pixels().to_vec().into_flattened();
         arrays::array(py, values, &[map.height(), map.width(), 3])
     }
@@ -146,14 +172,14 @@ impl Environment {
         width: usize,
         pixels: Vec<[f32; 3]>,
         path: PathBuf,
-        (rotation, intensity, background): (f64, f64, bool),
+        &Around { rotation, intensity, background, shadows, light }: &Around,
     ) -> PyResult<Self> {
         let map = LatLong::new(width, pixels)
             .map_err(|why| invalid(py, "environment", &why.to_string(), "a picture of all directions"))?;
         let mut environment = splatblur::Environment::new(map);
         (environment.path, environment.rotation) = (path, rotation.to_radians());
-        (environment.intensity, environment.background) = (intensity, background);
-        Ok(Self(environment))
+        (environment.intensity, environment.background, environment.shadows) = (intensity, background, shadows);
+        Ok(Self { environment, light })
     }
 }
 
@@ -291,10 +317,18 @@ impl Scene {
         if let Some(values) = settings.shutter {
             scene.shutter = shutter(py, values)?;
         }
+        let has_no_lights = settings.lights.is_none();
         if let Some(lights) = settings.lights {
             scene.lights = lights.into_iter().map(|values| light(py, values)).collect::<PyResult<_>>()?;
         }
-        scene.environment = settings.environment.map(|environment| environment.get().0.clone());
+        scene.environment = settings.environment.as_ref().map(|environment| environment.get().environment.clone());
+        if let (Some(environment), Some(given)) = (&mut scene.environment, &settings.environment) {
+            environment.light = given.get().light.unwrap_or(has_no_lights);
+            // It takes the place of the lights that a scene has where none are given.
+            if environment.light && has_no_lights {
+                scene.lights.clear();
+            }
+        }
         let mut camera_in_code = false;
         match settings.camera {
             Some(camera) => {
@@ -360,7 +394,8 @@ impl Scene {
 
     #[getter]
     fn environment(&self) -> Option<Environment> {
-        self.scene.environment.clone().map(Environment)
+        let environment = self.scene.environment.clone()?;
+        Some(Environment { light: Some(environment.light), environment })
     }
 
     #[getter]
@@ -372,7 +407,9 @@ impl Scene {
     fn of_saved(&self, objects: Vec<Bound<'_, Object>>, environment: Option<&Bound<'_, Environment>>) -> Self {
         let mut scene = (*self.scene).clone();
         scene.objects = objects.iter().map(|object| object.get().object.clone()).collect();
-        scene.environment = environment.map(|environment| environment.get().0.clone());
+        if let (Some(scene), Some(environment)) = (&mut scene.environment, environment) {
+            scene.path.clone_from(&environment.get().environment.path);
+        }
         Self { scene: Arc::new(scene), path: self.path.clone(), of_files: self.of_files, notes: Vec::new() }
     }
 

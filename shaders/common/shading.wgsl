@@ -16,6 +16,22 @@ fn agreement(length2: f32) -> f32 {
     return min(select(length, faded, length > 0.72), 1.0);
 }
 
+// What a white surface shows of light from all around: nine harmonics, from record `first` on. Twin: shading::harmonics.
+fn harmonics(first: u32, n: vec3<f32>) -> vec3<f32> {
+    let xx = n.x * n.x;
+    let zz = n.z * n.z;
+    var sum = lights[first].colour.xyz;
+    sum += lights[first].vector.xyz * n.x;
+    sum += lights[first + 1u].colour.xyz * n.y;
+    sum += lights[first + 1u].vector.xyz * n.z;
+    sum += lights[first + 2u].colour.xyz * (n.x * n.y);
+    sum += lights[first + 2u].vector.xyz * (n.y * n.z);
+    sum += lights[first + 3u].colour.xyz * (2.0 * n.x * n.z);
+    sum += lights[first + 3u].vector.xyz * (xx - zz);
+    sum += lights[first + 4u].colour.xyz * (2.0 * n.y * n.y - (xx + zz));
+    return max(sum, vec3<f32>(0.0));
+}
+
 // Shades a surface point. `material` is (ambient, diffuse, specular, shininess). `position` is relative to the eye and
 // only needed for point lights and shadows. `eye` is the unit direction to the eye. A program that uses this declares
 // `reaching`: the share of a light that reaches a place.
@@ -28,6 +44,11 @@ fn shade(
         let light = lights[i];
         if light.vector.w == AMBIENT {
             lit += material.x * colour * light.colour.xyz;
+            continue;
+        }
+        if light.vector.w == HARMONICS {
+            lit += material.y * colour * harmonics(i, normal);
+            i += HARMONIC_RECORDS - 1u;
             continue;
         }
         var towards = light.vector.xyz;

@@ -179,6 +179,9 @@ struct Light {
 }
 const AMBIENT: f32 = 0.0;
 const DIRECTIONAL: f32 = 1.0;
+const HARMONICS: f32 = 3.0;
+// Records of nine terms: two in each, that with the even number first, in `colour`.
+const HARMONIC_RECORDS: u32 = 5u;
 
 fn apply(m: array<vec4<f32>, 3>, p: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(

@@ -49,7 +49,7 @@ pub enum BackendError {
     )]
     RollingShutter,
     /// Something that has no shadows.
-    #[error("{what} no shadows: take {instead}, `shadows=\"false\"` in <light>, or leave all out (`--no-shadows`)")]
+    #[error("{what} no shadows: take {instead}, `shadows=\"false\"`, or leave all out (`--no-shadows`)")]
     Shadows {
         /// What has none, with its verb.
         what: &'static str,

@@ -1,10 +1,11 @@
 //! Environments: light from all around, as a picture of the whole sphere of directions.
 //!
-//! `lat_long` is the picture; `cube` is what backends look it up in, filtered to several widths;
-//! `studio` is one made by formula.
+//! `lat_long` is the picture; `cube` is what backends look it up in, filtered to several widths; `light` is what it
+//! lights surfaces with; `studio` is one made by formula.
 
 pub(crate) mod cube;
 mod lat_long;
+mod light;
 mod studio;
 
 use std::path::PathBuf;
@@ -14,12 +15,11 @@ use glam::{DVec3, Vec3};
 
 pub use self::cube::Cube;
 pub use self::lat_long::{LatLong, NotLatLong};
+use self::light::Brightness;
 pub use self::studio::studio;
 
 /// What surrounds the scene, infinitely far: surfaces with a reflection coefficient mirror it (Pfister et al. 2000,
-/// section 7.5), and it may be the background.
-///
-/// It lights nothing: diffuse and specular terms are those of lights.
+/// section 7.5), it may be the background, and it may light the scene.
 #[derive(Clone, Debug)]
 pub struct Environment {
     /// Shared by copies of the environment, as its levels are.
@@ -32,11 +32,17 @@ pub struct Environment {
     pub intensity: f64,
     /// True: it shows where no surface does.
     pub background: bool,
+    /// True: it lights the scene, as one more light.
+    pub light: bool,
+    /// Do surfaces cast shadows in its light, on surfaces? Without them its light is smooth: nine harmonics.
+    pub shadows: bool,
     cube: Arc<OnceLock<Arc<Cube>>>,
+    brightness: Arc<OnceLock<Brightness>>,
 }
 
 impl Environment {
-    /// An environment that is not turned, with intensity 1, and not the background.
+    /// An environment that is not turned, with intensity 1, and neither the background nor a light. As a light it would
+    /// have shadows.
     pub fn new(map: LatLong) -> Self {
         Self {
             map: Arc::new(map),
@@ -44,8 +50,17 @@ impl Environment {
             rotation: 0.0,
             intensity: 1.0,
             background: false,
+            light: false,
+            shadows: true,
             cube: Arc::default(),
+            brightness: Arc::default(),
         }
+    }
+
+    /// The same environment as a light with shadows.
+    #[must_use]
+    pub fn lighting(self) -> Self {
+        Self { light: true, shadows: true, ..self }
     }
 
     /// The picture.
@@ -78,6 +93,32 @@ impl Environment {
         let (sin, cos) = libm::sincosf(self.rotation as f32);
         let turned = Vec3::new(towards.x * cos - towards.z * sin, towards.y, towards.x * sin + towards.z * cos);
         self.map.radiance_nearly(turned) * self.intensity as f32
+    }
+
+    /// Does any light come from it?
+    pub(crate) fn shines(&self) -> bool {
+        self.light && self.intensity > 0.0 && !self.brightness().is_dark()
+    }
+
+    /// A unit direction towards it, world space, that is drawn in proportion to brightness, and the light from there:
+    /// a white surface that faces it shows so much. The mean over the unit square is the light of the whole. It must
+    /// not be dark.
+    pub(crate) fn drawn(&self, point: [f64; 2]) -> (DVec3, DVec3) {
+        let (towards, light) = self.brightness().draw(&self.map, point);
+        let (sin, cos) = libm::sincos(self.rotation);
+        let turned = DVec3::new(towards.x * cos + towards.z * sin, towards.y, towards.z * cos - towards.x * sin);
+        (turned, light * self.intensity)
+    }
+
+    /// The light that a white surface receives without shadows, as nine harmonics of its normal:
+    /// [`ShadingLight::Harmonics`](crate::shading::ShadingLight::Harmonics).
+    pub(crate) fn harmonics(&self) -> [Vec3; 9] {
+        let terms = light::turned(self.brightness().terms(), libm::sincos(self.rotation));
+        terms.map(|term| (term * self.intensity).as_vec3())
+    }
+
+    fn brightness(&self) -> &Brightness {
+        self.brightness.get_or_init(|| Brightness::new(&self.map))
     }
 
     /// Bytes of the picture and of the filtered map.

@@ -16,6 +16,9 @@ use crate::shading::ShadingLight;
 /// Nearer ones would fill the image.
 const NEAR_OF_GAUSSIANS: f64 = 0.2;
 
+/// Directions that a time sample draws of an environment that has shadows: each has a map of its own.
+pub(super) const SKY_DIRECTIONS: u32 = 1;
+
 /// The scene at one time sample.
 #[derive(Clone, Debug)]
 pub struct PosedSample {
@@ -167,7 +170,22 @@ impl Poser<'_> {
             let point = shadows.then(|| light_point(number, seed, index));
             shading_light(light, eye, point)
         };
-        (0..).zip(&self.scene.lights).map(light).collect()
+        let mut lights: Vec<_> = (0..).zip(&self.scene.lights).map(light).collect();
+        let Some(sky) = self.scene.sky() else { return lights };
+        if !self.options.look.shadows || !sky.shadows {
+            lights.push(ShadingLight::Harmonics { terms: sky.harmonics() });
+            return lights;
+        }
+        let index = lights.len() as u64;
+        // All that the frame draws go on in one sequence.
+        let first = number.wrapping_mul(SKY_DIRECTIONS);
+        lights.extend((0..SKY_DIRECTIONS).map(|k| {
+            let [down, across, _] = light_point(first.wrapping_add(k), seed, index);
+            let (towards, colour) = sky.drawn([down, across]);
+            let colour = (colour / f64::from(SKY_DIRECTIONS)).as_vec3();
+            ShadingLight::Directional { towards: towards.as_vec3(), colour, shadows: true }
+        }));
+        lights
     }
 
     /// Camera-from-model transform (the model relative to its origin) at scene time `time`.

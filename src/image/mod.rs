@@ -7,6 +7,7 @@
 mod exr;
 mod format;
 mod png;
+mod radiance;
 mod response;
 
 use std::io::{self, Read, Seek};
@@ -161,7 +162,7 @@ impl Picture {
         srgb_codes(self, true)
     }
 
-    /// Reads a picture from a PNG or EXR file, whatever its name, into linear premultiplied floats.
+    /// Reads a picture from a PNG, EXR or Radiance HDR file, whatever its name, into linear premultiplied floats.
     ///
     /// # Errors
     /// The file cannot be read, or is no such picture.
@@ -293,7 +294,7 @@ pub fn read_planes(path: &Path, channels: &[&str]) -> Result<(u32, Vec<Vec<f32>>
     Ok((width, planes.into_iter().zip(channels).map(missing).collect::<Result<_, _>>()?))
 }
 
-/// Reads a PNG or EXR picture, as written by [`write()`], into linear premultiplied floats.
+/// Reads a PNG or EXR picture, as written by [`write()`], or a Radiance one, into linear premultiplied floats.
 ///
 /// # Errors
 /// The file cannot be read, or is no such picture.
@@ -303,7 +304,8 @@ pub fn read(path: &Path) -> Result<Picture, ImageError> {
         let decoded = match kind(&bytes) {
             Some(FileKind::Png) => png::decode(&bytes),
             Some(FileKind::Exr) => exr::decode(&bytes),
-            None => Err("neither a PNG nor an EXR file".to_owned()),
+            Some(FileKind::Radiance) => radiance::decode(&bytes),
+            None => Err("neither a PNG, an EXR nor a Radiance HDR file".to_owned()),
         };
         decoded.map_err(|what| ImageError::Decode { path: path.to_owned(), what })
     })
@@ -320,11 +322,12 @@ pub fn read_settings(path: &Path) -> Option<String> {
     match kind(&head)? {
         FileKind::Png => png::settings(&mut file),
         FileKind::Exr => exr::settings(&mut file),
+        FileKind::Radiance => None,
     }
 }
 
 /// True for a picture file that has all its pixels and nothing more: a PNG whose chunks are undamaged and end with
-/// `IEND`, or an EXR of one part whose blocks can all be read. The file ends where its format ends.
+/// `IEND`, an EXR of one part whose blocks can all be read, or a Radiance picture with all its rows. The file ends where its format ends.
 ///
 /// A file that was cut short while it was copied keeps its header, and so its settings. One that goes on was spoilt.
 pub fn is_whole(path: &Path) -> bool {
@@ -332,6 +335,7 @@ pub fn is_whole(path: &Path) -> bool {
     match kind(&bytes) {
         Some(FileKind::Png) => png::is_whole(&bytes),
         Some(FileKind::Exr) => exr::is_whole(&bytes),
+        Some(FileKind::Radiance) => radiance::is_whole(&bytes),
         None => false,
     }
 }
@@ -340,6 +344,7 @@ pub fn is_whole(path: &Path) -> bool {
 enum FileKind {
     Png,
     Exr,
+    Radiance,
 }
 
 fn kind(head: &[u8]) -> Option<FileKind> {
@@ -347,6 +352,8 @@ fn kind(head: &[u8]) -> Option<FileKind> {
         Some(FileKind::Png)
     } else if head.starts_with(exr::SIGNATURE) {
         Some(FileKind::Exr)
+    } else if head.starts_with(radiance::SIGNATURE) {
+        Some(FileKind::Radiance)
     } else {
         None
     }

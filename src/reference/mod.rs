@@ -8,8 +8,8 @@
 //! have no footprint: it is what a splatter without prefilter converges to. See docs/reference.md.
 //!
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
-//! (what it sees), through `bvh`, `boxes` and `traverse`, with `shadows` (the lights that reach it) → `layers`
-//! (see-through surfels before that) → `gaussians` (captures among them) with `volumes` → `composite` → `sums` (means
+//! (what it sees), through `bvh`, `boxes` and `traverse`, with `shadows` (the lights that reach it) and
+//! `sky` (the environment as one) → `layers` (see-through surfels before that) → `gaussians` (captures among them) with `volumes` → `composite` → `sums` (means
 //! and standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one
 //! pixel. `flow` follows what pixels show from one instant to another.
 
@@ -28,6 +28,7 @@ mod probe;
 mod render;
 mod sampler;
 mod shadows;
+mod sky;
 mod store;
 mod sums;
 mod trace;

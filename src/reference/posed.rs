@@ -11,6 +11,7 @@ use super::error::ReferenceError;
 use super::gaussians::blend::Blend;
 use super::gaussians::tree::{GaussianKernel, Tree};
 use super::options::{Meshes, ReferenceOptions};
+use super::sky::Sky;
 use super::traverse::Hit;
 use super::volumes::kernel::VolumeKernel;
 use crate::environment::Environment;
@@ -48,6 +49,10 @@ pub(super) struct World<'a> {
     pub volume_trees: Vec<Tree<VolumeKernel>>,
     /// The image's blending of captures.
     pub blend: Blend,
+    /// The environment's light without shadows; `None` where it is no light.
+    smooth_sky: Option<ShadingLight>,
+    /// The environment, where it is a light with shadows.
+    pub sky: Option<Sky<'a>>,
     /// The camera's pose if it does not move.
     fixed_camera: Option<CameraPose>,
     /// The camera's pose at the frame number.
@@ -214,6 +219,8 @@ impl<'a> World<'a> {
             volumes,
             volume_trees,
             blend: Blend::of(scene),
+            smooth_sky: scene.sky().map(Sky::smooth),
+            sky: scene.sky().filter(|sky| options.look.shadows && sky.shadows).map(Sky::new),
             fixed_camera: scene.camera.rests().then_some(frame_camera),
             frame_camera,
         })
@@ -287,10 +294,10 @@ impl<'a> World<'a> {
         [(0.5 + shift.x) * w + self.focal * p.x / depth, (0.5 + shift.y) * h - self.focal * p.y / depth]
     }
 
-    /// The lights relative to `eye`.
+    /// The lights relative to `eye`, without shadows.
     pub(super) fn lights(&self, eye: DVec3, out: &mut Vec<ShadingLight>) {
         out.clear();
-        out.extend(self.scene.lights.iter().map(|light| match *light {
+        let lights = self.scene.lights.iter().map(|light| match *light {
             Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
             Light::Directional { direction, colour, .. } => {
                 ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3(), shadows: false }
@@ -298,7 +305,8 @@ impl<'a> World<'a> {
             Light::Point { position, colour, .. } => {
                 ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3(), shadows: false }
             }
-        }));
+        });
+        out.extend(lights.chain(self.smooth_sky));
     }
 
     /// The triangles that rays meet of an object; `None` where they meet anything else.

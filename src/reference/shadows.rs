@@ -65,7 +65,7 @@ struct Blocking {
 impl<'w, 'a> Shadows<'w, 'a> {
     /// `None` where there are no shadows.
     pub(super) fn new(world: &'w World<'a>) -> Option<Self> {
-        let any = world.options.look.shadows && world.scene.lights.iter().any(Light::has_shadows);
+        let any = world.options.look.shadows && world.scene.has_shadows();
         let casts = |&number: &usize| {
             let body = &world.bodies[number];
             matches!(body.form, Form::Model(_) | Form::Sphere(_)) && !body.see_through
@@ -105,7 +105,22 @@ impl<'w, 'a> Shadows<'w, 'a> {
             }
             Light::Directional { .. } | Light::Point { .. } | Light::Ambient { .. } => (plain, None),
         }));
+        let number = self.world.scene.lights.len();
+        if let Some(sky) = &self.world.sky {
+            let [across, down, _] = numbers.at(number as u64);
+            let (light, towards) = sky.light([across, down]);
+            self.lights.push((light, Some(Source::Towards(towards))));
+        } else if let Some(&smooth) = plain.get(number) {
+            self.lights.push((smooth, None));
+        }
         self.reaching = plain;
+    }
+
+    /// All lights of the sample, whatever is in their way.
+    pub(super) fn all(&mut self) -> &[ShadingLight] {
+        self.reaching.clear();
+        self.reaching.extend(self.lights.iter().map(|&(light, _)| light));
+        &self.reaching
     }
 
     /// The lights of the sample that reach a place.

@@ -211,7 +211,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         if !self.world.fixed_lights() {
             self.world.lights(camera.eye, &mut self.lights);
         }
-        let mut shadows = if receives { self.shadows.take() } else { None };
+        let mut shadows = self.shadows.take();
         if let Some(shadows) = &mut shadows {
             shadows.begin(camera.eye, time, lights);
         }
@@ -228,7 +228,10 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     let (place, normal, eye) = (surface.centre(target), surface.normal, target.eye);
                     let position = (place - eye).as_vec3();
                     let lights = match &mut shadows {
-                        Some(shadows) => shadows.reaching(&Receiver { place, normal, eye, own: hit.object, hits }),
+                        Some(shadows) if receives => {
+                            shadows.reaching(&Receiver { place, normal, eye, own: hit.object, hits })
+                        }
+                        Some(shadows) => shadows.all(),
                         None => &self.lights,
                     };
                     let lit = shade(lights, &surface.material, surface.colour, normal.as_vec3(), position);
@@ -257,6 +260,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let position = (direction * depth).as_vec3();
             let leading = leading(hits).and_then(|hit| Some((hit.object, self.target(lane, hit)?)));
             let lights = match (&mut shadows, leading) {
+                (Some(shadows), _) if !receives => shadows.all(),
                 (Some(shadows), Some((own, &Target { eye, direction, .. }))) => {
                     shadows.reaching(&Receiver { place: eye + direction * depth, normal, eye, own, hits })
                 }
@@ -265,9 +269,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             colour = shade(lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3()
                 + self.mirrored(reflection * over, normal, direction);
         }
-        if receives {
-            self.shadows = shadows;
-        }
+        self.shadows = shadows;
         Some(Seen { colour, coverage: 1.0, depth, normal, velocity: velocity * over })
     }
 

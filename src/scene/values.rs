@@ -50,6 +50,16 @@ impl Scene {
         self.environment.as_ref().filter(|environment| environment.background && !self.image.transparent)
     }
 
+    /// The environment, where light comes from it.
+    pub(crate) fn sky(&self) -> Option<&Environment> {
+        self.environment.as_ref().filter(|environment| environment.shines())
+    }
+
+    /// Are there shadows in any light?
+    pub(crate) fn has_shadows(&self) -> bool {
+        self.lights.iter().any(Light::has_shadows) || self.sky().is_some_and(|sky| sky.shadows)
+    }
+
     /// A capture that is composited in coded values, before an environment as background. It needs what is behind it at
     /// each instant; nothing has that.
     pub(crate) fn capture_before_panorama(&self) -> Option<&Object> {

@@ -41,6 +41,9 @@ pub(super) struct EnvironmentSpec {
     /// Radians.
     pub(super) rotation: f64,
     pub(super) background: bool,
+    /// `None`: where there is no other light.
+    pub(super) light: Option<bool>,
+    pub(super) shadows: bool,
 }
 
 #[derive(Debug)]
@@ -174,6 +177,8 @@ fn environment(part: &Part<'_>) -> Result<EnvironmentSpec, SceneError> {
         intensity: part.number("intensity")?,
         rotation: part.number("rotation")?.to_radians(),
         background: part.boolean("background")?,
+        light: part.optional_boolean("light")?,
+        shadows: part.boolean("shadows")?,
     })
 }
 

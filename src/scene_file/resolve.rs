@@ -59,7 +59,11 @@ pub(super) fn resolve(
     };
     let intrinsics = track.as_ref().and_then(|(_, intrinsics)| *intrinsics);
     let camera_binding = camera_binding.or(track.map(|(binding, _)| binding));
-    let environment = document.environment.map(|spec| files.environment(&spec)).transpose()?;
+    let mut environment = document.environment.as_ref().map(|spec| files.environment(spec)).transpose()?;
+    if let (Some(environment), Some(spec)) = (&mut environment, &document.environment) {
+        environment.light = spec.light.unwrap_or(document.lights.is_empty());
+    }
+    let is_lit = environment.as_ref().is_some_and(|environment| environment.light);
     if environment.is_none()
         && objects.iter().any(|object| object.shape.surface().is_some_and(|surface| surface.reflection > 0.0))
     {
@@ -69,7 +73,7 @@ pub(super) fn resolve(
     let file_rate = files.rate.map(|(_, rate)| rate);
     let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), camera_moves, file_rate);
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let lights = if document.lights.is_empty() { scene::lights() } else { document.lights };
+    let lights = if document.lights.is_empty() && !is_lit { scene::lights() } else { document.lights };
     let mut scene = Scene {
         name,
         image: document.image,
@@ -356,6 +360,7 @@ impl Files<'_> {
         let mut environment = Environment::new(map);
         (environment.path, environment.background) = (path, spec.background);
         (environment.intensity, environment.rotation) = (spec.intensity, spec.rotation);
+        environment.shadows = spec.shadows;
         Ok(environment)
     }
 

@@ -318,12 +318,14 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
     },
     ElementSchema {
         name: "environment",
-        text: Some("the path of an EXR or PNG picture of all directions"),
+        text: Some("the path of an EXR, Radiance HDR or PNG picture of all directions"),
         selector: None,
         attributes: &[
             row("intensity", ValueKind::Number(INTENSITY), Value("1"), "factor on its radiance"),
             row("rotation", ValueKind::Number(DEGREES), Value("0"), "rotation about +y, degrees"),
             row("background", ValueKind::Boolean, Value("false"), "true: it shows where nothing else does"),
+            row("light", ValueKind::Boolean, Auto("true where there is no `<light>`"), "true: it lights the scene"),
+            row("shadows", ValueKind::Boolean, Value("true"), "true: surfaces cast shadows in its light"),
         ],
         children: &[],
     },

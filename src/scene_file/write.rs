@@ -42,14 +42,17 @@ pub fn to_xml(scene: &Scene, relative_to: &Path) -> String {
     );
     out.shutter(&scene.shutter);
     out.camera(&scene.camera, relative_to);
-    // A file without lights has those of the default.
-    let darkness = scene.lights.is_empty().then_some(Light::Ambient { colour: DVec3::ZERO });
+    // A file without any light has those of the default.
+    let is_lit = scene.environment.as_ref().is_some_and(|environment| environment.light);
+    let darkness = (scene.lights.is_empty() && !is_lit).then_some(Light::Ambient { colour: DVec3::ZERO });
     scene.lights.iter().chain(&darkness).for_each(|light| out.light(light));
     if let Some(environment) = &scene.environment {
         let attributes = [
             ("intensity", number(environment.intensity)),
             ("rotation", degrees(environment.rotation)),
             ("background", environment.background.to_string()),
+            ("light", environment.light.to_string()),
+            ("shadows", environment.shadows.to_string()),
         ];
         out.file(1, "environment", &attributes, &relative(&environment.path, relative_to));
     }

@@ -153,7 +153,7 @@ fn what_cannot_be_compared() {
     let (a, b) = (path("render_a.png"), path("patches_b.png"));
     assert!(refused(&[&a, &b]).contains("160 x 128 and 101 x 75"));
     assert!(refused(&[&a, "no/such.png"]).contains("no/such.png"));
-    assert!(refused(&[&a, &path("make.py")]).contains("neither a PNG nor an EXR"));
+    assert!(refused(&[&a, &path("make.py")]).contains("neither a PNG, an EXR nor a Radiance"));
     assert!(refused(&[&a, dir.path().to_str().unwrap()]).contains("no numbered"));
     assert!(refused(&[&a, &a, "--metric", "flop"]).contains("there are: mse"));
     assert!(refused(&[&a, &a, "--limit", "flip"]).contains("METRIC=VALUE"));

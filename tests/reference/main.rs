@@ -12,4 +12,5 @@ mod promises;
 mod samples;
 mod see_through;
 mod shadows;
+mod sky;
 mod volumes;

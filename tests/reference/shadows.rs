@@ -38,7 +38,7 @@ fn at(mut object: Object, place: DVec3) -> Object {
     object
 }
 
-fn floor() -> Object {
+pub(crate) fn floor() -> Object {
     disc(DVec3::Y, WIDE)
 }
 
@@ -47,7 +47,7 @@ fn half_plane(normal: DVec3, height: f64) -> Object {
     at(disc(normal, WIDE), DVec3::new(-WIDE, height, 0.0))
 }
 
-fn ball(radius: f64, centre: DVec3) -> Object {
+pub(crate) fn ball(radius: f64, centre: DVec3) -> Object {
     let mut ball = at(object(Surfels::default()), centre);
     ball.shape = Sphere { radius, colour: Vec3::ONE }.into();
     ball.shape.surface_mut().unwrap().material = Some(LAMBERT);
@@ -55,7 +55,7 @@ fn ball(radius: f64, centre: DVec3) -> Object {
 }
 
 /// A scene lit by one white light.
-fn lit(objects: Vec<Object>, light: Light, eye: DVec3, towards: DVec3) -> Scene {
+pub(crate) fn lit(objects: Vec<Object>, light: Light, eye: DVec3, towards: DVec3) -> Scene {
     let mut scene = scene(objects, SIZE, eye, 30.0);
     scene.camera.at = towards;
     scene.lights = vec![light];
@@ -82,12 +82,12 @@ fn without_shadows(scene: &Scene) -> Scene {
     scene
 }
 
-fn options(samples: u64) -> ReferenceOptions {
+pub(crate) fn options(samples: u64) -> ReferenceOptions {
     let look = Look { filter: PixelFilter::Point, ..Look::default() };
     ReferenceOptions { samples, look, ..ReferenceOptions::default() }
 }
 
-fn traced(scene: &Scene, options: &ReferenceOptions) -> Reference {
+pub(crate) fn traced(scene: &Scene, options: &ReferenceOptions) -> Reference {
     render(scene, 0, options, None, &|_| ()).unwrap()
 }
 
@@ -96,7 +96,7 @@ fn picture(scene: &Scene) -> Picture {
 }
 
 /// The ray through the middle of a pixel: a unit vector from the eye.
-fn ray(scene: &Scene, x: usize, y: usize) -> DVec3 {
+pub(crate) fn ray(scene: &Scene, x: usize, y: usize) -> DVec3 {
     let camera = &scene.camera;
     let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
     let forward = (camera.at - camera.eye).normalize();
@@ -120,7 +120,7 @@ fn meets(from: DVec3, along: DVec3, centre: DVec3, radius: f64) -> bool {
 }
 
 /// The demands on a picture of light that falls on the floor: `light` at a place; `None`: not compared.
-fn check(name: &str, scene: &Scene, light: impl Fn(DVec3) -> Option<f64>) {
+pub(crate) fn check(name: &str, scene: &Scene, light: impl Fn(DVec3) -> Option<f64>) {
     let reference = traced(scene, &options(SAMPLES));
     let expected = |x: usize, y: usize| {
         let light = light(floor_place(scene, x, y)?)?;

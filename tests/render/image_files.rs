@@ -295,7 +295,7 @@ fn what_is_not_a_picture_is_refused() {
     assert!(refused(dir.path()).starts_with("cannot read"));
     let text = dir.path().join("text.png");
     std::fs::write(&text, "not a picture").unwrap();
-    assert!(refused(&text).ends_with("neither a PNG nor an EXR file"));
+    assert!(refused(&text).ends_with("neither a PNG, an EXR nor a Radiance HDR file"));
     // A small file that promises 65535 x 65535 pixels: refused before memory is taken.
     let mut bytes = image::encode(&picture(1, 1, vec![[0.5; 4]]), RGBA16, "").unwrap();
     bytes[16..24].copy_from_slice(&[0, 0, 255, 255, 0, 0, 255, 255]);

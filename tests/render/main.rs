@@ -30,6 +30,7 @@ mod rolling_shutter;
 mod see_through;
 mod sequences;
 mod shadows;
+mod sky;
 mod static_objects;
 mod symmetries;
 mod tolerances;

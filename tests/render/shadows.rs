@@ -52,7 +52,7 @@ fn render(on: &mut dyn Backend, scene: &Scene, options: &RenderOptions) -> Pictu
 /// White, without lobes but the diffuse one.
 const WHITE: Material = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
 
-fn white(model: Surfels) -> Object {
+pub(crate) fn white(model: Surfels) -> Object {
     let mut object = object(model.spatially_ordered());
     let surface = object.shape.surface_mut().unwrap();
     (surface.material, surface.two_sided) = (Some(WHITE), false);
@@ -60,7 +60,7 @@ fn white(model: Surfels) -> Object {
 }
 
 /// A square of white surfels that faces +y, from `low` to `high` in x and z, at `height`.
-fn square(low: [f64; 2], high: [f64; 2], height: f64, step: f64) -> Object {
+pub(crate) fn square(low: [f64; 2], high: [f64; 2], height: f64, step: f64) -> Object {
     let count = [0, 1].map(|c: usize| ((high[c] - low[c]) / step).round() as usize);
     let at = |i: usize, c: usize| low[c] + (i as f64 + 0.5) * step;
     let places = (0..count[0] * count[1]).map(|i| DVec3::new(at(i % count[0], 0), height, at(i / count[0], 1)));
@@ -68,23 +68,23 @@ fn square(low: [f64; 2], high: [f64; 2], height: f64, step: f64) -> Object {
 }
 
 /// The floor from just above it, with +x to the right and +z down.
-fn from_above(objects: Vec<Object>, size: [u32; 2]) -> Scene {
+pub(crate) fn from_above(objects: Vec<Object>, size: [u32; 2]) -> Scene {
     let mut scene = scene(objects, size, DVec3::new(0.0, 0.8, 0.0), 40.0);
     scene.camera = Camera { up: -DVec3::Z, fovy: 40_f64.to_radians(), ..Camera::new(DVec3::Y * 0.8, DVec3::ZERO) };
     scene
 }
 
 /// Half the height of the floor that [`from_above`] shows.
-fn half_height() -> f64 {
+pub(crate) fn half_height() -> f64 {
     0.8 * 20_f64.to_radians().tan()
 }
 
-fn samples(samples: u32) -> RenderOptions {
+pub(crate) fn samples(samples: u32) -> RenderOptions {
     RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
 }
 
 /// Worst mean of the difference of red over squares of 6 x 6 pixels.
-fn worst_square(a: &Picture, b: &Picture) -> f64 {
+pub(crate) fn worst_square(a: &Picture, b: &Picture) -> f64 {
     let [width, height] = [a.width, a.height].map(|pixels| pixels as usize);
     let difference = |i: usize| f64::from(a.rgba[i][0] - b.rgba[i][0]);
     let square = |x: usize, y: usize| {

@@ -18,7 +18,7 @@ use crate::model::Surfels;
 use crate::model::paths::Paths;
 use crate::options::Shading;
 use crate::scene::SurfelModel;
-use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
+use crate::shading::{ShadingLight, harmonics, lobes, mirrored, towards_point};
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
@@ -207,6 +207,11 @@ fn lit(
                     }
                 }
             }
+            ShadingLight::Harmonics { terms } => {
+                for l in 0..LANES {
+                    add_harmonics(&mut out, l, &material[1], colour, normal, &terms);
+                }
+            }
             ShadingLight::Directional { towards, colour: of_light, .. } => {
                 let towards = towards.to_array();
                 for l in 0..LANES {
@@ -275,6 +280,22 @@ pub(in crate::backend) fn add_lobes(
     let light = light.to_array();
     for c in 0..3 {
         out[c][l] += light[c] * falloff * (material[1][l] * diffuse * colour[c][l] + material[2][l] * specular);
+    }
+}
+
+/// Adds what light from all around contributes to lane `l`.
+#[inline(always)]
+pub(in crate::backend) fn add_harmonics(
+    out: &mut [Lanes; 3],
+    l: usize,
+    diffuse: &Lanes,
+    colour: &[Lanes; 3],
+    normal: &[Lanes; 3],
+    terms: &[Vec3; 9],
+) {
+    let light = harmonics(terms, [normal[0][l], normal[1][l], normal[2][l]]);
+    for c in 0..3 {
+        out[c][l] += diffuse[l] * colour[c][l] * light[c];
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::layout::Segment;
+use super::layout::{Segment, records};
 use super::memory::Schedule;
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
@@ -147,7 +147,7 @@ impl Cutter<'_> {
                             buffer_surfels: buffer.surfels.len() as u32,
                             buffer_start: buffer.surfels.start as u32,
                             index: self.index,
-                            first_light: (sample * posed.lights.len()) as u32,
+                            first_light: (sample * records(&posed.lights)) as u32,
                             ..template
                         };
                         batch.segments.push((segment, object, number));

@@ -116,9 +116,12 @@ pub(in crate::backend) const LISTS_ALONE: u32 = 32;
 /// Its lists are walked over in stretches.
 pub(in crate::backend) const IN_STRETCHES: u32 = 64;
 
-/// Kinds of [`Light`], the w of its vector. All others are point lights.
+/// Kinds of [`Light`], the w of its vector. All others are point lights. Harmonics take [`HARMONIC_RECORDS`] of them.
 pub(in crate::backend) const AMBIENT: f32 = 0.0;
 pub(in crate::backend) const DIRECTIONAL: f32 = 1.0;
+pub(in crate::backend) const HARMONICS: f32 = 3.0;
+/// Records of nine terms: two in each, that with the even number first, in `colour`.
+pub(in crate::backend) const HARMONIC_RECORDS: usize = 5;
 
 /// Bits of [`CaptureSegment::flags`]: the capture is drawn as it was trained with antialiasing.
 pub(in crate::backend) const FLAG_ANTIALIAS: u32 = 1;
@@ -165,7 +168,7 @@ pub(in crate::backend) struct Segment {
     pub unused: u32,
 }
 
-/// A light of one sample.
+/// A light of one sample, or two terms of one from all around.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Light {
@@ -329,8 +332,8 @@ impl View {
             weight: if frame.blending.is_some() { 1.0 } else { middle.weight },
             camera: [column(camera.x_axis), column(camera.y_axis), column(camera.z_axis)],
             material: coefficients(channels.uniform.unwrap_or_default()),
-            first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
-            lights: middle.lights.len() as u32,
+            first_light: (group.samples.len() / 2 * records(&middle.lights)) as u32,
+            lights: records(&middle.lights) as u32,
             blocks: blocks(frame),
             sigma: raster.sigma,
             pixel: raster.pixel,
@@ -371,19 +374,36 @@ pub(in crate::backend) fn lights(samples: &[PosedSample]) -> Vec<Light> {
             *shadows += u32::from(light.has_shadows());
             Some(if light.has_shadows() { *shadows } else { 0 })
         });
-        sample.lights.iter().zip(shadows).map(|(of, shadow)| light(of, shadow)).collect::<Vec<_>>()
+        sample.lights.iter().zip(shadows).flat_map(|(of, shadow)| light(of, shadow)).collect::<Vec<_>>()
     };
     samples.iter().flat_map(of_sample).collect()
 }
 
+/// Number of the records of the lights of a sample.
+pub(super) fn records(lights: &[ShadingLight]) -> usize {
+    let of_light = |light: &ShadingLight| match light {
+        ShadingLight::Harmonics { .. } => HARMONIC_RECORDS,
+        ShadingLight::Ambient { .. } | ShadingLight::Directional { .. } | ShadingLight::Point { .. } => 1,
+    };
+    lights.iter().map(of_light).sum()
+}
+
 /// `shadow`: 0 without shadows, else 1 + the number of lights with shadows before it.
-fn light(light: &ShadingLight, shadow: u32) -> Light {
+fn light(light: &ShadingLight, shadow: u32) -> Vec<Light> {
+    let record = |vector: Vec3, kind: f32, colour: Vec3| Light {
+        vector: vector.extend(kind).to_array(),
+        colour: colour.extend(shadow as f32).to_array(),
+    };
     let (vector, kind, colour) = match *light {
+        ShadingLight::Harmonics { terms } => {
+            let term = |k: usize| terms.get(k).copied().unwrap_or_default();
+            return (0..HARMONIC_RECORDS).map(|k| record(term(2 * k + 1), HARMONICS, term(2 * k))).collect();
+        }
         ShadingLight::Ambient { colour } => (Vec3::ZERO, AMBIENT, colour),
         ShadingLight::Directional { towards, colour, .. } => (towards, DIRECTIONAL, colour),
         ShadingLight::Point { position, colour, .. } => (position, 2.0, colour),
     };
-    Light { vector: vector.extend(kind).to_array(), colour: colour.extend(shadow as f32).to_array() }
+    vec![record(vector, kind, colour)]
 }
 
 pub(super) fn rows(m: &Mat3, origin: Vec3) -> [[f32; 4]; 3] {

@@ -16,7 +16,7 @@ use super::captures::{Run, runs};
 use super::job::{Job, JobPlace};
 use super::layout::{
     CaptureSegment, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT,
-    FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, rows,
+    FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, records, rows,
 };
 use super::passes::Program;
 #[cfg(test)]
@@ -69,7 +69,7 @@ fn segment(
         (keeps_layers, FLAG_KEEP_LAYER),
     ];
     let flags = flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, flag)| flag).sum();
-    let lights = group.samples[sample].lights.len();
+    let lights = records(&group.samples[sample].lights);
     CaptureSegment {
         screen: rows(&posed.screen_from_model, posed.screen_origin),
         rate: rows(&posed.screen_rate, posed.screen_origin_rate),

@@ -162,12 +162,13 @@ fn nested(size: [u32; 2]) -> Scene {
     scene(vec![shell(200, 1.0, 0.3, 0.2), shell(900, 0.94, 0.02, -0.3), shell(600, 0.88, 0.1, 0.1)], size)
 }
 
-/// A noisy environment.
+/// A noisy environment, which lights the scene.
 pub(super) fn surroundings() -> Environment {
     let mut random = Random(40);
     let pixels = (0..64 * 32).map(|_| [random.next(), random.next(), 2.0 * random.next()]).collect();
     let mut environment = Environment::new(LatLong::new(64, pixels).unwrap());
     (environment.rotation, environment.intensity) = (0.7, 0.8);
+    (environment.light, environment.shadows) = (true, false);
     environment
 }
 

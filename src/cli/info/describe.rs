@@ -67,6 +67,8 @@ fn surroundings(e: &Environment) -> Value {
         ("intensity", json!(e.intensity)),
         ("rotation_degrees", json!(tidy(e.rotation.to_degrees()))),
         ("background", json!(e.background)),
+        ("light", json!(e.light)),
+        ("shadows", json!(e.shadows)),
     ])
 }
 

@@ -139,7 +139,7 @@ impl Shadows {
                     }
                 }
             }
-            ShadingLight::Ambient { .. } => return [1.0; LANES],
+            ShadingLight::Ambient { .. } | ShadingLight::Harmonics { .. } => return [1.0; LANES],
         }
         let mut cosine = [0.0; LANES];
         for l in 0..LANES {

@@ -28,7 +28,7 @@ use crate::backend::cpu::transparent::project::{
 };
 use crate::backend::gpu::layout::{
     AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME,
-    IN_STRETCHES, IS_REST, LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES,
+    HARMONIC_RECORDS, HARMONICS, IN_STRETCHES, IS_REST, LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS, SEE_THROUGH_SURFELS, SHARES_TILES,
     Status, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, WORKGROUPS,
 };
 use crate::backend::gpu::memory::MASKS;
@@ -82,6 +82,8 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("FRONT", whole(DepthLayer::Front as u32)),
         ("GRAZING", float(GRAZING)),
         ("HALF_LOG2_E", float(HALF_LOG2_E)),
+        ("HARMONICS", float(HARMONICS)),
+        ("HARMONIC_RECORDS", whole(HARMONIC_RECORDS)),
         ("HALF_SIDE", float(HALF_SIDE)),
         ("HALF_SQRT_PI", float(HALF_SQRT_PI)),
         ("HIDDEN", float(HIDDEN)),
