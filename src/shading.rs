@@ -37,7 +37,7 @@ pub enum ShadingLight {
     },
     /// From all around, smooth and without shadows: it has no highlights.
     Harmonics {
-        /// Factors on the nine polynomials of [`harmonics`].
+        /// Factors on the nine polynomials of [`smooth_light`].
         terms: [Vec3; 9],
     },
 }
@@ -66,7 +66,7 @@ pub fn lobes(n: [f32; 3], towards: [f32; 3], view: [f32; 3], shininess: f32) -> 
 ///
 /// A shorter normal is the mean of several, and what it shows is nearly the mean of theirs.
 #[inline(always)]
-pub fn harmonics(terms: &[Vec3; 9], n: [f32; 3]) -> [f32; 3] {
+pub fn smooth_light(terms: &[Vec3; 9], n: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = n;
     let (xx, zz) = (x * x, z * z);
     let of_normal = [x, y, z, x * y, y * z, 2.0 * x * z, xx - zz, 2.0 * y * y - (xx + zz)];
@@ -125,7 +125,7 @@ pub fn shade(lights: &[ShadingLight], material: &Material, colour: Vec3, normal:
                 continue;
             }
             ShadingLight::Harmonics { terms } => {
-                out += material.diffuse * colour * Vec3::from(harmonics(&terms, normal.to_array()));
+                out += material.diffuse * colour * Vec3::from(smooth_light(&terms, normal.to_array()));
                 continue;
             }
             ShadingLight::Directional { towards, colour, .. } => (towards.to_array(), colour),

@@ -16,8 +16,9 @@ fn agreement(length2: f32) -> f32 {
     return min(select(length, faded, length > 0.72), 1.0);
 }
 
-// What a white surface shows of light from all around: nine harmonics, from record `first` on. Twin: shading::harmonics.
-fn harmonics(first: u32, n: vec3<f32>) -> vec3<f32> {
+// What a white surface shows of light from all around: nine harmonics, from record `first` on.
+// Twin: shading::smooth_light.
+fn smooth_light(first: u32, n: vec3<f32>) -> vec3<f32> {
     let xx = n.x * n.x;
     let zz = n.z * n.z;
     var sum = lights[first].colour.xyz;
@@ -47,7 +48,7 @@ fn shade(
             continue;
         }
         if light.vector.w == HARMONICS {
-            lit += material.y * colour * harmonics(i, normal);
+            lit += material.y * colour * smooth_light(i, normal);
             i += HARMONIC_RECORDS - 1u;
             continue;
         }

@@ -260,7 +260,7 @@ mod tests {
         let broken = "row 0 of the pixels is broken or cut short";
         // A run before any pixel, one that is too long, and one that never advances.
         assert_eq!(of("-Y 1 +X 4", &[1, 1, 1, 4]).unwrap_err(), broken);
-        assert_eq!(of("-Y 1 +X 4", &run).unwrap_err(), broken);
+        assert_eq!(of("-Y 1 +X 3", &run).unwrap_err(), broken);
         assert_eq!(of("-Y 1 +X 4", &[[128, 128, 128, 129], [1, 1, 1, 0]].concat()).unwrap_err(), broken);
         assert_eq!(of("-Y 1 +X 4", &[&[9, 9, 9, 9][..], &[1, 1, 1, 0].repeat(9)].concat()).unwrap_err(), broken);
         // Channel by channel: a length that is not the row's, a count of 0, and a run over its end.

@@ -55,6 +55,9 @@ fn a_wrong_environment_is_one_line() {
     let (status, _, errors) = run(dir.path(), "render s.xml --out out");
     assert_eq!(status, Some(2));
     assert_eq!(errors.lines().count(), 1, "{errors}");
-    assert!(errors.contains("s.xml:1:") && errors.contains("neither a PNG, an EXR nor a Radiance HDR file"), "{errors}");
+    assert!(
+        errors.contains("s.xml:1:") && errors.contains("neither a PNG, an EXR nor a Radiance HDR file"),
+        "{errors}"
+    );
     assert!(!dir.path().join("out").exists());
 }

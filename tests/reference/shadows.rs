@@ -108,7 +108,7 @@ pub(crate) fn ray(scene: &Scene, x: usize, y: usize) -> DVec3 {
 }
 
 /// The place of the floor that a pixel shows.
-fn floor_place(scene: &Scene, x: usize, y: usize) -> Option<DVec3> {
+pub(crate) fn floor_place(scene: &Scene, x: usize, y: usize) -> Option<DVec3> {
     let along = ray(scene, x, y);
     (along.y < 0.0).then(|| scene.camera.eye + along * (scene.camera.eye.y / -along.y))
 }
@@ -120,7 +120,7 @@ fn meets(from: DVec3, along: DVec3, centre: DVec3, radius: f64) -> bool {
 }
 
 /// The demands on a picture of light that falls on the floor: `light` at a place; `None`: not compared.
-pub(crate) fn check(name: &str, scene: &Scene, light: impl Fn(DVec3) -> Option<f64>) {
+fn check(name: &str, scene: &Scene, light: impl Fn(DVec3) -> Option<f64>) {
     let reference = traced(scene, &options(SAMPLES));
     let expected = |x: usize, y: usize| {
         let light = light(floor_place(scene, x, y)?)?;

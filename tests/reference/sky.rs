@@ -9,7 +9,8 @@ use glam::{DQuat, DVec3, Vec3};
 use splatblur::environment::{Environment, LatLong};
 use splatblur::scene::{Light, Motion, Object, Scene};
 
-use crate::shadows::{ball, check, floor, lit, options, ray, traced};
+use crate::closed_forms::statistics;
+use crate::shadows::{ball, floor, floor_place, lit, options, ray, traced};
 use crate::support::Random;
 
 /// Columns of the environments. As light their pixels are even.
@@ -54,27 +55,30 @@ fn is_free(place: DVec3, along: DVec3, balls: &[Ball], time: f64) -> bool {
     })
 }
 
-/// Red light on a place of the floor between balls: 16 directions of each pixel, each at a time of its own.
-fn integral(environment: &Environment, balls: &[Ball], place: DVec3) -> f64 {
+/// Light on a place of the floor between balls: 16 directions of each pixel of the environment, or 1,600 where it is
+/// bright, each at a time of its own.
+fn integral(environment: &Environment, balls: &[Ball], place: DVec3) -> DVec3 {
     let mut random = Random(place.x.to_bits() ^ place.z.to_bits());
-    let (map, mut sum) = (environment.map(), 0.0);
+    let (map, mut sum) = (environment.map(), DVec3::ZERO);
     let turn = DQuat::from_rotation_y(environment.rotation);
     for (i, pixel) in map.pixels().iter().enumerate() {
         let (x, y) = ((i % WIDTH) as f64, (i / WIDTH) as f64);
         let [top, bottom] = [y, y + 1.0].map(|y| (PI * y / (WIDTH / 2) as f64).cos());
-        let weight = f64::from(pixel[0]) * (top - bottom) / 16.0;
-        if weight == 0.0 || top <= 0.0 {
+        let side = if pixel[0] > 5.0 { 40 } else { 4 };
+        let count = f64::from(side * side);
+        let weight = Vec3::from(*pixel).as_dvec3() * ((top - bottom) / count);
+        if weight == DVec3::ZERO || top <= 0.0 {
             continue;
         }
         // The times of a pixel are even, in an order of its own.
-        let (shift, stride) = (random.next(), [3, 5, 7, 9, 11, 13][(random.next() * 6.0) as usize]);
-        for k in 0..16_u32 {
-            let [a, b] = [k % 4, k / 4].map(|k| (f64::from(k) + random.next()) / 4.0);
+        let (shift, stride) = (random.next(), [3, 7, 9, 11, 13, 17][(random.next() * 6.0) as usize]);
+        for k in 0..side * side {
+            let [a, b] = [k % side, k / side].map(|k| (f64::from(k) + random.next()) / f64::from(side));
             let height = top + (bottom - top) * b;
             let flat = towards(x + a, 0.5 * (WIDTH / 2) as f64);
             let ring = (1.0 - height * height).sqrt();
             let along = turn * DVec3::new(flat.x * ring, height, flat.z * ring);
-            let time = ((f64::from(k * stride % 16) + random.next()) / 16.0 + shift).fract();
+            let time = ((f64::from(k * stride % (side * side)) + random.next()) / count + shift).fract();
             if along.y > 0.0 && is_free(place, along, balls, time) {
                 sum += weight * along.y;
             }
@@ -94,11 +98,30 @@ fn shows_floor(scene: &Scene, balls: &[Ball], place: DVec3) -> bool {
     })
 }
 
+/// Holds the floor of a scene between balls against the light that each place should show.
+fn check(name: &str, scene: &Scene, balls: &[Ball], light: impl Fn(DVec3) -> DVec3) {
+    let reference = traced(scene, &options(1024));
+    let expected = |x: usize, y: usize| {
+        let place = floor_place(scene, x, y).filter(|&place| shows_floor(scene, balls, place))?;
+        Some(light(place).extend(1.0).to_array())
+    };
+    let s = statistics(&reference, &expected);
+    let values = (0..reference.picture.rgba.len()).filter_map(|i| Some(expected(i % 24, i / 24)?[0]));
+    let (mut least, mut most, mut count) = (f64::INFINITY, 0.0_f64, 0);
+    for value in values {
+        (least, most, count) = (least.min(value), most.max(value), count + 1);
+    }
+    let [z, within] = [s.rms, 100.0 * s.within];
+    let error = s.error;
+    println!("{name}: {count} pixels of {least:.3} to {most:.3}, z {z:.2}, {within:.2} % within 4, SE {error:.1e}");
+    assert!(count > 200 && least < 0.75 * most, "{name}: {count}, {least} to {most}");
+    assert!(z < 1.25 && within > 99.0, "{name}: rms of z {z:.3}, {within:.3} % within 4 standard errors");
+    assert!(error < 5e-3 * most.max(1.0), "{name}: mean SE {error:.1e}");
+}
+
 fn compare(name: &str, environment: Environment, balls: &[Ball]) {
     let scene = under(objects(balls), environment.clone());
-    check(name, &scene, |place| {
-        shows_floor(&scene, balls, place).then(|| integral(&environment, balls, place))
-    });
+    check(name, &scene, balls, |place| integral(&environment, balls, place));
 }
 
 /// A ball on a floor under an even sky: the ball takes (R / d)^3 of the light, d being the distance of its middle.
@@ -115,8 +138,8 @@ fn a_ball_on_a_floor_under_an_even_sky() {
     };
     let place = DVec3::new(0.1, 0.0, 0.6);
     let other = integral(&environment, &balls, place);
-    assert!((other - mean(place)).abs() < 2e-3, "{other}, not {}", mean(place));
-    check("even sky", &scene, |place| shows_floor(&scene, &balls, place).then(|| mean(place)));
+    assert!((other.x - mean(place)).abs() < 2e-3, "{other}, not {}", mean(place));
+    check("even sky", &scene, &balls, |place| DVec3::splat(mean(place)));
 }
 
 #[test]
@@ -132,13 +155,13 @@ fn a_ball_flies_under_caps() {
 #[test]
 fn two_balls_under_a_turned_sky_of_many_values() {
     let mut environment = sky(|d| {
-        let value = 1.0 + (3.0 * d.x).sin() * d.z + 2.0 * (4.0 * d.y + d.z).cos();
-        DVec3::new(value.max(0.0), 1.0 + d.x, 0.3)
+        let value = 1.5 + (3.0 * d.x).sin() * d.z + 2.0 * (4.0 * d.y + d.z).cos();
+        DVec3::new(1.5 * value.max(0.0), 1.0 + d.x, 0.6)
     });
-    (environment.rotation, environment.intensity) = (1.1, 0.5);
+    (environment.rotation, environment.intensity) = (1.1, 0.4);
     let balls = [
-        (0.3, DVec3::new(-0.5, 0.3, -0.3), DVec3::new(0.4, 0.5, 0.0)),
-        (0.2, DVec3::new(0.6, 1.0, 0.2), DVec3::new(-0.5, -0.6, 0.4)),
+        (0.4, DVec3::new(-0.5, 0.45, -0.3), DVec3::new(0.3, 0.2, 0.0)),
+        (0.3, DVec3::new(0.7, 0.6, -0.2), DVec3::new(-0.3, -0.2, 0.3)),
     ];
     compare("turned", environment, &balls);
 }
@@ -160,12 +183,12 @@ fn a_sky_beside_a_lamp() {
     let balls = [(0.3, DVec3::new(0.0, 1.2, -0.2), DVec3::new(0.2, -0.8, 0.1))];
     let mut scene = under(objects(&balls), environment.clone());
     scene.lights = vec![Light::point(lamp, DVec3::splat(2.0)).with_shadows()];
-    check("sky and lamp", &scene, |place| {
+    check("sky and lamp", &scene, &balls, |place| {
         let to = lamp - place;
         let free = |step: &i32| is_free(place, to.normalize(), &balls, (f64::from(*step) + 0.5) / 2000.0);
         let share = (0..2000).filter(free).count() as f64 / 2000.0;
         let of_lamp = 2.0 * share * to.normalize().y / to.length_squared();
-        shows_floor(&scene, &balls, place).then(|| of_lamp + integral(&environment, &balls, place))
+        integral(&environment, &balls, place) + of_lamp
     });
 }
 

@@ -55,12 +55,13 @@ fn under_cap(degrees: f64, ground: f64, angle: f64) -> f64 {
     ground + (10.0 - ground) * sum * step / PI
 }
 
-/// A ball of `n` surfels with this radius.
+/// A white ball of `n` surfels with this radius.
 fn ball(n: usize, radius: f64, centre: DVec3) -> Object {
     let mut model = sphere(n);
     let small = |v: &mut Vec3| *v *= radius as f32;
     model.position.iter_mut().for_each(small);
     model.axis_u.iter_mut().chain(&mut model.axis_v).for_each(small);
+    model.colour.fill(Vec3::ONE);
     let mut ball = white(model);
     ball.transform.translate = centre;
     ball
@@ -98,7 +99,9 @@ fn a_white_ball_under_caps() {
             let least = f64::to_radians(degrees).cos();
             let environment = sky(512, |d| DVec3::splat(if d.dot(axis) >= least { 10.0 } else { ground }));
             let scene = scene(vec![ball(20_000, 1.0, DVec3::ZERO)], [64, 64], DVec3::new(0.0, 0.0, 4.0), 30.0);
-            let scene = lit(scene, environment);
+            let mut scene = lit(scene, environment);
+            // Alpha is coverage.
+            scene.image.transparent = true;
             let want = |normal: DVec3| under_cap(degrees, ground, normal.dot(axis).clamp(-1.0, 1.0).acos());
             let look = Look { aovs: vec![Aov::Normal], ..Look::default() };
             let picture = render(&scene, &RenderOptions { look: look.clone(), ..samples(256) });
@@ -184,12 +187,12 @@ fn without_shadows() {
         quality: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept: SweptKernel::default() }.into(),
         ..RenderOptions::default()
     };
-    let refused = render_frame(&mut Cpu::new(), &scene, 0, &swept);
+    let refused = render_frame(&mut Cpu::default(), &scene, 0, &swept);
     assert!(matches!(refused, Err(BackendError::Shadows { .. })));
-    assert!(render_frame(&mut Cpu::new(), &scene, 0, &without(&swept)).is_ok());
+    assert!(render_frame(&mut Cpu::default(), &scene, 0, &without(&swept)).is_ok());
     scene.environment.as_mut().unwrap().shadows = false;
     assert_eq!(render(&scene, &samples(4)).rgba, plain.rgba);
-    assert!(render_frame(&mut Cpu::new(), &scene, 0, &swept).is_ok());
+    assert!(render_frame(&mut Cpu::default(), &scene, 0, &swept).is_ok());
     // Without the light nothing is lit, and a black one is no light.
     scene.environment.as_mut().unwrap().light = false;
     let dark = render(&scene, &samples(4));
@@ -210,7 +213,7 @@ fn mode_auto_takes_samples_for_the_sky() {
     scene.camera = Camera { near: 0.01, ..scene.camera };
     let target = ErrorTarget::default();
     let options = RenderOptions { quality: target.into(), ..RenderOptions::default() };
-    let rendered = render_frame(&mut Cpu::new(), &scene, 0, &options).unwrap();
+    let rendered = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
     let truth = render(&scene, &samples(1024));
     let squares = rendered.picture.rgba.iter().zip(&truth.rgba).map(|(a, b)| f64::from(a[0] - b[0]).powi(2));
     let error = (squares.sum::<f64>() / truth.rgba.len() as f64).sqrt();

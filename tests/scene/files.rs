@@ -144,7 +144,10 @@ fn environments_are_checked() {
         "scene.xml:2:14: <environment> was refused: dark.exr: -0.5 at pixel (0, 0), expected a radiance from 0 to 1e30"
     );
     let text = Dir::new(environment("m.ply"));
-    assert_eq!(words(&text), "scene.xml:2:14: <environment> was refused: m.ply: neither a PNG, an EXR nor a Radiance HDR file");
+    assert_eq!(
+        words(&text),
+        "scene.xml:2:14: <environment> was refused: m.ply: neither a PNG, an EXR nor a Radiance HDR file"
+    );
     let missing = Dir::new(environment("none.exr"));
     assert!(words(&missing).starts_with("scene.xml:2:14: no file `none.exr`, expected"));
     let cut = dir("cut.png", 64, 32, 0.5);

@@ -5,7 +5,7 @@
 use super::mirror::{Mirror, Rows, rays};
 use super::shadows::Shadows;
 use super::tiles::{LANES, Lanes, ROWS, STRIDE, TILE, TileRect, lanes};
-use super::values::{add_harmonics, add_lobes, unit};
+use super::values::{add_lobes, add_smooth_light, unit};
 use crate::environment::Surroundings;
 use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster, RasterArea};
@@ -247,7 +247,7 @@ fn shade_lanes(
             }
             ShadingLight::Harmonics { terms } => {
                 for l in 0..LANES {
-                    add_harmonics(&mut out, l, &material[1], colour, normal, &terms);
+                    add_smooth_light(&mut out, l, &material[1], colour, normal, &terms);
                 }
             }
             ShadingLight::Directional { towards, colour: light, .. } => {

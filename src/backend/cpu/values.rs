@@ -18,7 +18,7 @@ use crate::model::Surfels;
 use crate::model::paths::Paths;
 use crate::options::Shading;
 use crate::scene::SurfelModel;
-use crate::shading::{ShadingLight, harmonics, lobes, mirrored, towards_point};
+use crate::shading::{ShadingLight, lobes, mirrored, smooth_light, towards_point};
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
@@ -209,7 +209,7 @@ fn lit(
             }
             ShadingLight::Harmonics { terms } => {
                 for l in 0..LANES {
-                    add_harmonics(&mut out, l, &material[1], colour, normal, &terms);
+                    add_smooth_light(&mut out, l, &material[1], colour, normal, &terms);
                 }
             }
             ShadingLight::Directional { towards, colour: of_light, .. } => {
@@ -285,7 +285,7 @@ pub(in crate::backend) fn add_lobes(
 
 /// Adds what light from all around contributes to lane `l`.
 #[inline(always)]
-pub(in crate::backend) fn add_harmonics(
+pub(in crate::backend) fn add_smooth_light(
     out: &mut [Lanes; 3],
     l: usize,
     diffuse: &Lanes,
@@ -293,7 +293,7 @@ pub(in crate::backend) fn add_harmonics(
     normal: &[Lanes; 3],
     terms: &[Vec3; 9],
 ) {
-    let light = harmonics(terms, [normal[0][l], normal[1][l], normal[2][l]]);
+    let light = smooth_light(terms, [normal[0][l], normal[1][l], normal[2][l]]);
     for c in 0..3 {
         out[c][l] += diffuse[l] * colour[c][l] * light[c];
     }

@@ -3,7 +3,7 @@
 use super::super::Environment;
 use super::*;
 use crate::sampling::light_point;
-use crate::shading::harmonics;
+use crate::shading::smooth_light;
 
 /// A picture of `of`, the mean of 8 x 8 places in each pixel.
 fn map(width: usize, of: impl Fn(DVec3) -> DVec3) -> LatLong {
@@ -102,7 +102,7 @@ fn smooth_environments_have_nine_harmonics() {
             let n = glam::DQuat::from_rotation_y(-rotation) * normal;
             let first = a * n.x + b * (n.y - n.z);
             let want = (DVec3::splat(2.0) + first * (2.0 / 3.0) + second(n) * 0.25) * 1.5;
-            let got = Vec3::from(harmonics(&terms, normal.as_vec3().to_array())).as_dvec3();
+            let got = Vec3::from(smooth_light(&terms, normal.as_vec3().to_array())).as_dvec3();
             assert!(got.abs_diff_eq(want, 2e-4), "turned by {rotation}, {normal}: {got}, not {want}");
         }
     }
@@ -118,7 +118,7 @@ fn harmonics_are_never_negative() {
         let largest = shown(degrees, ground, 0.0);
         let (mut worst, mut least) = (0.0_f64, f64::INFINITY);
         for (normal, angle) in normals() {
-            let got = f64::from(harmonics(&terms, normal.as_vec3().to_array())[0]);
+            let got = f64::from(smooth_light(&terms, normal.as_vec3().to_array())[0]);
             worst = worst.max((got - shown(degrees, ground, angle)).abs() / largest);
             least = least.min(got);
         }
@@ -142,7 +142,7 @@ fn light_turns_with_the_environment() {
         // The brightest normal is the axis of the cap, turned.
         let turned = glam::DQuat::from_rotation_y(rotation) * axis();
         let terms = environment.harmonics();
-        let at = |n: DVec3| harmonics(&terms, n.as_vec3().to_array())[0];
+        let at = |n: DVec3| smooth_light(&terms, n.as_vec3().to_array())[0];
         for (normal, _) in normals() {
             assert!(at(normal) <= 1.001 * at(turned), "{normal} is brighter than {turned}");
         }
