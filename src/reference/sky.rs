@@ -108,7 +108,7 @@ impl<'a> Sky<'a> {
             (product(0, 0) - product(2, 2)) * (quadratic / 2.0),
             (product(1, 1) - all / 3.0) * (quadratic / 2.0),
         ];
-        ShadingLight::Harmonics { terms: terms.map(|term| term.as_vec3()) }
+        ShadingLight::Harmonics { terms: terms.map(DVec3::as_vec3) }
     }
 }
 

@@ -162,6 +162,54 @@ fn environments_are_checked() {
     assert!(!with.notes.iter().any(|note| note.contains("reflection")), "{:?}", with.notes);
 }
 
+/// Where there is no other light the environment is one; what it says goes first. All of that is written.
+#[test]
+fn an_environment_lights_what_nothing_else_lights() {
+    let one = "<light type='ambient'/>";
+    for (beside, lights, light, shadows) in [
+        ("<environment>e.png</environment>".to_owned(), 0, true, true),
+        ("<environment shadows='false'>e.png</environment>".to_owned(), 0, true, false),
+        ("<environment light='false'>e.png</environment>".to_owned(), 2, false, true),
+        (format!("{one}<environment>e.png</environment>"), 1, false, true),
+        (format!("{one}<environment light='true'>e.png</environment>"), 1, true, true),
+    ] {
+        let dir = Dir::new(scene(&beside, ""));
+        for round in 0..2 {
+            let scene = dir.load().unwrap().scene;
+            let environment = scene.environment.as_ref().unwrap();
+            let found = (scene.lights.len(), environment.light, environment.shadows);
+            assert_eq!(found, (lights, light, shadows), "{beside}, round {round}");
+            dir.add("scene.xml", to_xml(&scene, dir.0.path()));
+        }
+    }
+    // Neither light nor environment: black, in a file too.
+    let dir = Dir::new(scene("<environment light='false'>e.png</environment>", ""));
+    let mut dark = dir.load().unwrap().scene;
+    dark.lights.clear();
+    dir.add("scene.xml", to_xml(&dark, dir.0.path()));
+    assert_eq!(dir.load().unwrap().scene.lights, [Light::Ambient { colour: DVec3::ZERO }]);
+    refused(
+        scene("<environment light='maybe'>e.png</environment>", ""),
+        "scene.xml:2:14: `light` is `maybe`, expected true or false",
+    );
+}
+
+/// Radiance pictures are environments, too; a broken one is one line.
+#[test]
+fn environments_may_be_radiance_pictures() {
+    let dir = Dir::new(scene("<environment>sky.hdr</environment>", ""));
+    let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n";
+    let pixels = [128, 64, 0, 131].repeat(8);
+    dir.add("sky.hdr", [header, &pixels[..]].concat());
+    let scene = dir.load().unwrap().scene;
+    assert_eq!(scene.environment.unwrap().map().pixels(), [[4.0, 2.0, 0.0]; 8]);
+    dir.add("sky.hdr", [header, &pixels[..20]].concat());
+    assert_eq!(
+        dir.words(dir.load().map(|l| l.scene.name).expect_err("refused")),
+        "scene.xml:2:14: <environment> was refused: sky.hdr: row 1 of the pixels is broken or cut short"
+    );
+}
+
 // What loads.
 
 #[test]
