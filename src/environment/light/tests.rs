@@ -9,7 +9,7 @@ use crate::shading::smooth_light;
 fn map(width: usize, of: impl Fn(DVec3) -> DVec3) -> LatLong {
     let pixel = |i: usize| {
         let mut sum = DVec3::ZERO;
-        for j in 0..64 {
+        for j in 0..64_usize {
             let [x, y] = [(i % width, j % 8), (i / width, j / 8)].map(|(k, j)| k as f64 + (j as f64 + 0.5) / 8.0);
             let (ring, height) = libm::sincos(y / (width / 2) as f64 * PI);
             let (sin, cos) = libm::sincos((x / width as f64 - 0.5) * TAU);
