@@ -119,9 +119,9 @@ fn check(name: &str, scene: &Scene, balls: &[Ball], light: impl Fn(DVec3) -> DVe
     assert!(error < 5e-3 * most.max(1.0), "{name}: mean SE {error:.1e}");
 }
 
-fn compare(name: &str, environment: Environment, balls: &[Ball]) {
+fn compare(name: &str, environment: &Environment, balls: &[Ball]) {
     let scene = under(objects(balls), environment.clone());
-    check(name, &scene, balls, |place| integral(&environment, balls, place));
+    check(name, &scene, balls, |place| integral(environment, balls, place));
 }
 
 /// A ball on a floor under an even sky: the ball takes (R / d)^3 of the light, d being the distance of its middle.
@@ -149,7 +149,7 @@ fn a_ball_flies_under_caps() {
         let bright = if cap(d, DVec3::new(0.3, 1.0, 0.2), 20.0) { 9.0 } else { 0.0 };
         DVec3::splat(bright + if cap(d, DVec3::new(-1.0, 0.7, 0.5), 12.0) { 12.0 } else { 0.0 })
     });
-    compare("caps", environment, &[(0.3, DVec3::new(-0.6, 0.9, -0.2), DVec3::new(1.0, 0.1, 0.3))]);
+    compare("caps", &environment, &[(0.3, DVec3::new(-0.6, 0.9, -0.2), DVec3::new(1.0, 0.1, 0.3))]);
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn two_balls_under_a_turned_sky_of_many_values() {
         (0.4, DVec3::new(-0.5, 0.45, -0.3), DVec3::new(0.3, 0.2, 0.0)),
         (0.3, DVec3::new(0.7, 0.6, -0.2), DVec3::new(-0.3, -0.2, 0.3)),
     ];
-    compare("turned", environment, &balls);
+    compare("turned", &environment, &balls);
 }
 
 #[test]
@@ -172,7 +172,7 @@ fn one_bright_pixel_over_a_dim_sky() {
     let mut pixels = vec![[0.2_f32; 3]; WIDTH * WIDTH / 2];
     pixels[sun] = [300.0; 3];
     let environment = Environment::new(LatLong::new(WIDTH, pixels).unwrap()).lighting();
-    compare("sun", environment, &[(0.35, DVec3::new(-0.2, 0.6, -0.3), DVec3::new(0.5, 0.0, 0.0))]);
+    compare("sun", &environment, &[(0.35, DVec3::new(-0.2, 0.6, -0.3), DVec3::new(0.5, 0.0, 0.0))]);
 }
 
 /// An environment beside a light with shadows, before a ball that falls.
