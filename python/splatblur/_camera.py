@@ -333,7 +333,8 @@ class Environment:
     """What surrounds a scene, infinitely far: surfaces may mirror it, it may be the background, and it may light them.
 
     Args:
-        picture: A file, PNG, EXR or Radiance HDR, or pixels (H, 2 H, 3), linear: all directions by latitude and longitude.
+        picture: A file, PNG, EXR or Radiance HDR, or pixels (H, 2 H, 3), linear: all directions by latitude and
+            longitude.
         rotation: Turns it about +y, degrees.
         intensity: A factor on its light.
         background: Shows it where no surface does.

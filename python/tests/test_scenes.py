@@ -159,6 +159,28 @@ def test_lights_and_backgrounds(renderer):
         sb.Environment(np.zeros((8, 8, 3)))
 
 
+def test_environments_light_scenes(renderer):
+    sky = np.zeros((32, 64, 3), np.float32)
+    sky[:16] = 1.0
+    white = ball(colors=np.ones((2_000, 3)))
+
+    def level(**settings):
+        scene = sb.Scene(white, camera=front(), environment=sb.Environment(sky, background=False), **settings)
+        return renderer.render(scene, shadows=False).rgba[24, 32, 0]
+
+    # A level normal sees half of the sky. Lights of a scene's own take its place, unless it says that it is one.
+    assert level() == pytest.approx(0.5, abs=0.05)
+    assert level(lights=[]) == 0.0
+    lit = sb.Environment(sky, background=False, light=True, shadows=False)
+    frame = renderer.render(sb.Scene(white, camera=front(), environment=lit, lights=[]))
+    assert frame.rgba[24, 32, 0] == pytest.approx(0.5, abs=0.05)
+    unlit = sb.Environment(sky, background=False, light=False)
+    plain = renderer.render(sb.Scene(white, camera=front(), environment=unlit)).rgba
+    assert np.array_equal(plain, renderer.render(sb.Scene(white, camera=front())).rgba)
+    with pytest.raises(sb.InvalidValue, match="light"):
+        sb.Environment(sky, light="maybe")
+
+
 def test_scene_files_are_loaded_changed_and_saved(renderer, tmp_path):
     scene = sb.load(SCENES / "crossing.xml", size=(48, 27))
     assert scene.name == "crossing" and scene.frames == range(4, 21) and scene.size == (48, 27)

@@ -9,9 +9,9 @@
 //!
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
 //! (what it sees), through `bvh`, `boxes` and `traverse`, with `shadows` (the lights that reach it) and
-//! `sky` (the environment as one) → `layers` (see-through surfels before that) → `gaussians` (captures among them) with `volumes` → `composite` → `sums` (means
-//! and standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one
-//! pixel. `flow` follows what pixels show from one instant to another.
+//! `sky` (the environment as one) → `layers` (see-through surfels before that) → `gaussians` (captures among them) with
+//! `volumes` → `composite` → `sums` (means and standard errors). `integrator` does this for the pixels of an image,
+//! `render` for a frame, `probe` for one pixel. `flow` follows what pixels show from one instant to another.
 
 mod boxes;
 mod bvh;
