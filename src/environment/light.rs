@@ -107,13 +107,13 @@ impl Brightness {
 /// Integrals over the polar angle of a row, with the sine of the solid angle.
 struct Row {
     one: f64,
-    /// Of the height.
+    /// The integral of the height.
     height: f64,
-    /// Of the distance from the axis, times the height, and squared.
+    /// The same of the distance from the axis, of that times the height, and of its square.
     flat: f64,
     flat_height: f64,
     flat_flat: f64,
-    /// Of 3 height^2 - 1.
+    /// The integral of 3 height^2 - 1.
     pole: f64,
 }
 
@@ -139,7 +139,7 @@ fn sincos(angle: f64) -> [f64; 2] {
 /// Integrals over the longitude of each column of the direction's parts on the equator.
 struct Columns {
     width: f64,
-    /// Of x, z, 2 x z and x^2 - z^2.
+    /// The integrals of x, z, 2 x z and x^2 - z^2.
     parts: Vec<[f64; 4]>,
 }
 

@@ -87,7 +87,7 @@ fn integral(environment: &Environment, balls: &[Ball], place: DVec3) -> DVec3 {
     sum * environment.intensity * TAU / WIDTH as f64 / PI
 }
 
-/// What is seen of the floor alone: no ball stands before it at any time.
+/// Is a place of the floor seen at all times? No ball stands before it.
 fn shows_floor(scene: &Scene, balls: &[Ball], place: DVec3) -> bool {
     let along = (place - scene.camera.eye).normalize();
     (0..=64).all(|step| {
