@@ -327,8 +327,8 @@ pub fn read_settings(path: &Path) -> Option<String> {
 }
 
 /// True for a picture file that has all its pixels and nothing more: a PNG whose chunks are undamaged and end with
-/// `IEND`, an EXR of one part whose blocks can all be read, or a Radiance picture with all its rows. The file ends where
-/// its format ends.
+/// `IEND`, an EXR of one part whose blocks can all be read, or a Radiance picture with all its rows. The file ends
+/// where its format ends.
 ///
 /// A file that was cut short while it was copied keeps its header, and so its settings. One that goes on was spoilt.
 pub fn is_whole(path: &Path) -> bool {
