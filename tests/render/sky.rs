@@ -90,6 +90,7 @@ fn worst_of_ball(picture: &Picture, want: impl Fn(DVec3) -> f64) -> f64 {
 /// Caps of light from all sides on a white ball: with shadows within 1e-2 of the largest value, at all normals; without
 /// them nine harmonics, as wrong as these are, and never below 0.
 #[test]
+#[ignore = "deep: many samples"]
 fn a_white_ball_under_caps() {
     let front = DVec3::new(0.2, 0.3, 1.0);
     let side = DVec3::new(1.0, 0.4, 0.1);
