@@ -143,6 +143,7 @@ fn a_ball_on_a_floor_under_an_even_sky() {
 }
 
 #[test]
+#[ignore = "deep: many samples"]
 fn a_ball_flies_under_caps() {
     let cap = |d: DVec3, axis: DVec3, degrees: f64| d.dot(axis.normalize()) >= degrees.to_radians().cos();
     let environment = sky(|d| {
