@@ -95,6 +95,8 @@ pub const OVERLAP: Range = Range(0.1, 4.0);
 pub const ERROR: Range = Range(1e-4, 1.0);
 /// Brightest light that mode auto compares, white is 1: up to the largest half.
 pub const WHITE: Range = Range(1.0, 65504.0);
+/// Exposure, powers of two.
+pub const STOPS: Range = Range(-32.0, 32.0);
 /// Standard deviation of a Gaussian pixel filter, pixels. Wider ones would reach beyond what tiles know of their
 /// neighbours.
 pub const SIGMA: Range = Range(0.25, 4.0);

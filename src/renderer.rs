@@ -162,6 +162,13 @@ impl Renderer {
         }
     }
 
+    /// Can this device draw the shadows of this scene with these options? True where there are none.
+    #[doc(hidden)]
+    pub fn draws_shadows(&self, scene: &Scene, options: &RenderOptions) -> bool {
+        let has_them = matches!(self.kind, DeviceKind::Cpu { .. });
+        !has_shadows(scene, options) || has_them && check_shadows(scene, options).is_ok()
+    }
+
     /// What renders, for people, as in `the CPU (8 threads; there is no hardware GPU)`.
     pub fn describe(&self) -> String {
         self.describe_with(rayon::current_num_threads())

@@ -269,7 +269,7 @@ impl Scene {
             .ok()
             .map_or(0, |mut file| std::io::Read::read(&mut file, &mut start).unwrap_or_default());
         let from = path.clone();
-        let LoadedScene { scene, notes } = if is_xml(&start[..count], &path) {
+        let LoadedScene { scene, notes, .. } = if is_xml(&start[..count], &path) {
             let opening = splatblur::Scene::open(&from);
             let opening = if lenient { opening.lenient() } else { opening };
             let opening = size.map_or(opening.clone(), |(width, height)| opening.size(width, height));

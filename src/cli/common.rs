@@ -10,7 +10,7 @@ use clap::Args;
 use glam::DVec3;
 use splatblur::files;
 use splatblur::film::Aov;
-use splatblur::image::{Bits, Compression, Exr, Format, Precision};
+use splatblur::image::{Bits, Compression, Display, Exr, Format, Precision};
 use splatblur::model::{self, ModelError};
 use splatblur::movie;
 use splatblur::options::{self, Detail, Look, PixelFilter, Prefilter, Shading};
@@ -23,6 +23,7 @@ use super::info::{self, InputKind};
 use super::memory;
 use super::output::say;
 use super::progress::Loading;
+use super::studio::{self, DisplayArgs, ModelAlone, StudioArgs};
 use super::values::{self, ShutterTimes};
 
 /// The grammar of modes, for long helps.
@@ -50,7 +51,7 @@ pub(super) struct Overrides {
     /// Image size in pixels [default: the scene's, else 1024x768].
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = values::size, help_heading = "Scene")]
     size: Option<(u32, u32)>,
-    /// Background in linear light [default: the scene's].
+    /// Background in linear light [default: the scene's; a grey in the studio of a model].
     #[arg(
         long,
         value_name = "R,G,B",
@@ -58,7 +59,7 @@ pub(super) struct Overrides {
         value_parser = values::colour,
         help_heading = "Scene"
     )]
-    background: Option<DVec3>,
+    pub(super) background: Option<DVec3>,
     /// Shutter opening and closing, frames around the frame number; or how long it is open, half of that before the
     /// frame number: an angle, as in 180deg (360deg is a frame), or a time at the scene's frame rate, as in 1/48s or
     /// 0.02s [default: the scene's, else -0.25,0.25].
@@ -242,10 +243,13 @@ impl Running {
 
     /// Reads a scene with the threads of `pool`, showing progress on a terminal; says its notes, and puts the overrides
     /// into it.
+    ///
+    /// `alone`: how a model file is shown; scene files have none of it.
     pub(super) fn load(
         &self,
         path: &Path,
         overrides: &Overrides,
+        alone: ModelAlone,
         pool: &rayon::ThreadPool,
     ) -> anyhow::Result<LoadedScene> {
         let restrict = self.restrict()?;
@@ -255,6 +259,8 @@ impl Running {
             lenient: self.lenient,
             restrict,
             size: overrides.size,
+            up: alone.up,
+            studio: alone.studio,
             progress: Some(&step),
         };
         let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -266,7 +272,10 @@ impl Running {
             );
         }
         let mut loaded = match kind {
-            InputKind::Scene => pool.install(|| scene_file::load(path, &options))?,
+            InputKind::Scene => {
+                alone.refuse_choices(path)?;
+                pool.install(|| scene_file::load(path, &options))?
+            }
             InputKind::Model => pool.install(|| scene_file::load_model(path, &options)).map_err(explained)?,
             InputKind::Animation => {
                 bail!("{} is an animation: name it in the <animation> of a scene, and render that", path.display())
@@ -282,11 +291,12 @@ impl Running {
         overrides.apply(&mut loaded.scene)?;
         if kind == InputKind::Model {
             let camera = scene_file::camera_line(&loaded.scene.camera);
-            let note = format!("{} is a model: took a scene of it alone, seen by {camera}", path.display());
+            let mut notes = vec![format!("{} is a model: took a scene of it alone, seen by {camera}", path.display())];
+            notes.extend(loaded.studio.map(studio::in_words));
             if !self.quiet {
-                say(&format!("note: {note}"));
+                notes.iter().for_each(|note| say(&format!("note: {note}")));
             }
-            loaded.notes.push(note);
+            loaded.notes.extend(notes);
         }
         Ok(loaded)
     }
@@ -307,8 +317,7 @@ fn explained(error: ModelError) -> anyhow::Error {
 /// The scene, and the files to make of it.
 #[derive(Debug, Args)]
 pub(super) struct Images {
-    /// Scene file (XML), or a model file: then the scene is this model alone, on 1024x768 pixels, before black, lit
-    /// from the upper right front, seen by a camera that looks along -z and finds its place by itself.
+    /// Scene file (XML), or a model file: then the scene is this model alone, on 1024x768 pixels, in a studio.
     pub(super) scene: PathBuf,
 
     /// Directory of the images; made if missing [default: out/<scene>].
@@ -348,6 +357,10 @@ pub(super) struct Images {
     /// Print one JSON object about the run on stdout instead of text.
     #[arg(long, help_heading = "Output")]
     pub(super) json: bool,
+    #[command(flatten)]
+    alone: StudioArgs,
+    #[command(flatten)]
+    display: DisplayArgs,
 }
 
 impl Images {
@@ -402,26 +415,37 @@ pub(super) struct Ready {
     pub(super) notes: Vec<String>,
     pub(super) frames: FrameList,
     pub(super) format: Format,
+    /// Of PNG files and movies.
+    pub(super) display: Display,
+    /// Does the model stand in a studio?
+    pub(super) in_studio: bool,
 }
 
 impl Ready {
     /// Checks the options, reads the scene with the threads of `pool`, says its notes, and lets the options replace its
-    /// values.
+    /// values. `has_movie`: there is more than files of pictures.
     pub(super) fn new(
         images: &Images,
+        has_movie: bool,
         overrides: &Overrides,
         running: &Running,
         pool: &rayon::ThreadPool,
     ) -> anyhow::Result<Self> {
         let format = images.format()?;
-        let LoadedScene { mut scene, notes, .. } = running.load(&images.scene, overrides, pool)?;
+        if matches!(format, Format::Exr(_)) && !has_movie {
+            images.display.refuse("PNG")?;
+        }
+        let alone = images.alone.of(overrides, images.transparent);
+        let loaded = running.load(&images.scene, overrides, alone, pool)?;
+        let (display, in_studio) = (images.display.or(loaded.display()), loaded.studio.is_some());
+        let LoadedScene { mut scene, notes, .. } = loaded;
         scene.image.transparent |= images.transparent;
         let format = match format {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
             exr @ Format::Exr(_) => exr,
         };
         let frames = frames_of(images.frames.as_ref(), &scene)?;
-        Ok(Self { scene, notes, frames, format })
+        Ok(Self { scene, notes, frames, format, display, in_studio })
     }
 }
 

@@ -25,6 +25,7 @@ mod sample;
 mod selection;
 mod sheet;
 mod shell;
+mod studio;
 mod study;
 mod thesis;
 mod values;

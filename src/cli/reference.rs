@@ -9,7 +9,7 @@ use serde::Serialize;
 use splatblur::FrameNumber;
 use splatblur::files;
 use splatblur::film::Aov;
-use splatblur::image::{self, Format};
+use splatblur::image::{self, Display, Format};
 use splatblur::reference::{
     self, MOST_SAMPLES, Meshes, ReferenceError, ReferenceOptions, ReferenceStats, SCRAMBLINGS, Sampler, Sums,
 };
@@ -176,7 +176,8 @@ impl Reference {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let options = self.options()?;
         let pool = self.running.pool()?;
-        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
+        let Ready { scene, notes, frames, format, display, .. } =
+            Ready::new(&self.images, false, &self.overrides, &self.running, &pool)?;
         if let Some(pixel) = self.pixel {
             let probe = pool.install(|| reference::probe(&scene, frames.first(), &options, pixel, self.sample))?;
             return print(&probe.to_string());
@@ -186,9 +187,9 @@ impl Reference {
         open_directory(&directory)?;
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
-        let provenance = Provenance::of(&scene, &self.images.scene)?;
+        let provenance = Provenance::of(&scene, &self.images.scene)?.shown(display);
         let output =
-            Output { scene: &scene, provenance, options: &options, format, directory: &directory, gate: &gate };
+            Output { scene: &scene, provenance, options: &options, format, display, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
         for &frame in frames.all() {
             let report = pool.install(|| self.frame(&output, frame)).with_context(|| format!("frame {frame}"))?;
@@ -218,8 +219,9 @@ impl Reference {
         drop(progress);
         let settings = output.settings(frame, made.stats.samples)?;
         let mut picture = made.picture;
-        if !matches!(output.format, Format::Exr(_)) {
+        if let Format::Png { bits, alpha } = output.format {
             picture.layers.clear();
+            picture = output.display.shown(picture, bits, alpha);
         }
         let _held = output.gate.lock().unwrap_or_else(PoisonError::into_inner);
         // Sums first: after an interruption between the two files the run can still go on.
@@ -307,6 +309,7 @@ struct Output<'a> {
     provenance: Provenance,
     options: &'a ReferenceOptions,
     format: Format,
+    display: Display,
     directory: &'a Path,
     /// Held while files are being written.
     gate: &'a Mutex<()>,

@@ -13,6 +13,7 @@ use super::common::{frames_of, open_directory, stop_on_interrupt};
 use super::frames::{self, FrameList};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
+use super::studio::ModelAlone;
 use super::study::{Common, MODES, ReadyScene};
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
@@ -96,7 +97,7 @@ impl Report {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         let contestants = Contestant::of(&self.modes, &self.backends).context("--modes")?;
         Limit::check_unique(&self.limit).context("--limit")?;
-        let ReadyScene { mut trial, notes, pool } = self.common.load(&self.scene)?;
+        let ReadyScene { mut trial, notes, pool, .. } = self.common.load(&self.scene, ModelAlone::default(), &[])?;
         let frames = frames_of(self.frames.as_ref(), trial.scene())?.all().to_vec();
         let (reference, repeats, limits) = (self.reference, self.repeats, self.limit.clone());
         let experiment = Experiment { contestants, frames, reference, repeats, limits };

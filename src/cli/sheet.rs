@@ -6,6 +6,8 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::FrameNumber;
 use splatblur::files;
+use splatblur::film::Picture;
+use splatblur::image::{Bits, Display};
 use splatblur::study::sheet::{self, Crop, Layout};
 use splatblur::study::{self, Entry, LineUp, Part, Shots};
 
@@ -13,6 +15,7 @@ use super::common::open_directory;
 use super::frames;
 use super::output::{print, say};
 use super::progress::Steps;
+use super::studio::{DisplayArgs, StudioArgs};
 use super::study::{Common, MODES, ReadyScene};
 use super::values;
 
@@ -74,6 +77,10 @@ pub(super) struct Sheet {
     columns: u32,
 
     #[command(flatten)]
+    alone: StudioArgs,
+    #[command(flatten)]
+    display: DisplayArgs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -110,7 +117,8 @@ impl Sheet {
         for path in [Some(&self.out), self.flip.as_ref()].into_iter().flatten() {
             open_directory(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
         }
-        let ReadyScene { mut trial, pool, .. } = self.common.load(&self.scene)?;
+        let alone = self.alone.of(&self.common.overrides, false);
+        let ReadyScene { mut trial, pool, display, .. } = self.common.load(&self.scene, alone, &self.modes)?;
         let part = self.crop.unwrap_or(Part::MostDifferent(60, 45));
         let line_up = LineUp { frame: self.frame, entries: self.modes.clone(), reference: self.reference, part };
         line_up.check(&trial).context("--crop")?;
@@ -129,12 +137,18 @@ impl Sheet {
             scene.shutter.weight,
             shots.crop
         );
-        pool.install(|| self.show(&line_up, &shots, &heading))
+        pool.install(|| self.show(&line_up, &shots, &heading, self.display.or(display)))
     }
 
     /// Writes the images, and says what the panels say.
-    fn show(&self, line_up: &LineUp, shots: &Shots, heading: &str) -> anyhow::Result<()> {
-        let panels = line_up.panels(shots)?;
+    fn show(&self, line_up: &LineUp, shots: &Shots, heading: &str, display: Display) -> anyhow::Result<()> {
+        // Errors are those of the light; the pictures are as they are shown.
+        let mut panels = line_up.panels(shots)?;
+        let shown: Vec<Picture> =
+            panels.iter().map(|panel| display.shown(panel.picture.clone(), Bits::Eight, false)).collect();
+        for (panel, shown) in panels.iter_mut().zip(&shown) {
+            panel.picture = shown;
+        }
         let layout = Layout { panel: self.panel, columns: self.columns };
         write(&self.out, &sheet::sheet(heading, &panels, shots.crop, layout)?.png()?)?;
         if let Some(path) = &self.flip {

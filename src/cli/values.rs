@@ -10,7 +10,7 @@ use std::str::FromStr;
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
-use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, SHUTTER};
+use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, SHUTTER, STOPS};
 use splatblur::model::ColourSpace;
 use splatblur::movie::MovieKind;
 
@@ -22,6 +22,17 @@ where
     T: FromStr<Err: Error + Send + Sync + 'static> + Clone + Send + Sync + 'static,
 {
     PossibleValuesParser::new(words.iter().copied()).try_map(|word| word.parse::<T>())
+}
+
+/// `on` or `off`.
+pub(super) fn switch() -> impl TypedValueParser<Value = bool> {
+    PossibleValuesParser::new(["on", "off"]).map(|word| word == "on")
+}
+
+/// An exposure in stops.
+pub(super) fn stops(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if STOPS.holds(value) { Ok(value) } else { Err(format!("{value} is not from -32 to 32")) }
 }
 
 /// `srgb` or `linear`.

@@ -14,6 +14,7 @@ use super::backend::BackendArgs;
 use super::common::{Limit, MODES, Overrides, Running};
 use super::info;
 use super::output::{print, say};
+use super::studio::StudioArgs;
 use super::values;
 use super::words::with_flags;
 
@@ -64,6 +65,8 @@ pub(super) struct ViewCommand {
     #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
+    alone: StudioArgs,
+    #[command(flatten)]
     place: BackendArgs,
     #[command(flatten)]
     limit: Limit,
@@ -106,6 +109,8 @@ impl ViewCommand {
                 say("note: others on the network reach it too, and nothing is encrypted: see --listen in the help");
             }
         }
-        viewer.run(|| self.running.load(&self.scene, &self.overrides, &pool).map_err(|why| format!("{why:#}")))
+        let alone = self.alone.of(&self.overrides, false);
+        let load = || self.running.load(&self.scene, &self.overrides, alone, &pool);
+        viewer.run(|| load().map_err(|why| format!("{why:#}")))
     }
 }

@@ -4,6 +4,7 @@
 //! attribute, both named [`SETTINGS`]. It carries nothing that would differ between two runs, such as the time or the
 //! computer's name. The same picture, format and settings give the same bytes.
 
+mod display;
 mod exr;
 mod format;
 mod png;
@@ -13,6 +14,7 @@ mod response;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
+pub use self::display::{Display, ViewTransform};
 pub use self::format::{Bits, Compression, Exr, Format, Precision};
 pub use self::response::{Response, ResponseError};
 use crate::files::{self, Changed, InputError};

@@ -162,7 +162,7 @@ impl Default for GivenCamera {
 
 /// The direction of up where nothing is said. Captures have y down, as the cameras had that they were made from; their
 /// viewers look from +z, too. Volumes have y up.
-fn upwards(scene: &Scene) -> DVec3 {
+pub(super) fn upwards(scene: &Scene) -> DVec3 {
     let is_upside_down = |object: &Object| {
         let pose = object_pose(scene, object, scene.frames.first as f64).world_from_model;
         matches!(object.shape, Shape::Gaussians { .. }) && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
@@ -211,7 +211,7 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
 }
 
 /// Box around all visible objects at all times of the scene's frames, shutter included.
-fn swept_bounds(scene: &Scene) -> Bounds {
+pub(super) fn swept_bounds(scene: &Scene) -> Bounds {
     // Four poses a frame, within a total that stays well under a second.
     const MOST_POSES: usize = 200_000;
     let [from, _] = scene.shutter.whole_exposure(scene.frames.first as f64);
@@ -250,20 +250,20 @@ fn swept_bounds(scene: &Scene) -> Bounds {
 }
 
 /// Rounds to about four digits of a size, so that the automatic camera's numbers are short.
-struct Grid {
+pub(super) struct Grid {
     decimals: usize,
     /// For sizes of 1000 and more: powers of ten before the point.
     step: f64,
 }
 
 impl Grid {
-    fn new(size: f64) -> Self {
+    pub(super) fn new(size: f64) -> Self {
         let exponent = 3 - size.log10().floor() as i32;
         Self { decimals: exponent.clamp(0, 300) as usize, step: 10_f64.powi((-exponent).clamp(0, 300)) }
     }
 
     /// The nearest number on the grid; through decimal text, so that it prints as short as it looks.
-    fn number(&self, x: f64) -> f64 {
+    pub(super) fn number(&self, x: f64) -> f64 {
         let x = if self.decimals == 0 { (x / self.step).round() * self.step } else { x };
         format!("{x:.*}", self.decimals).parse().unwrap_or(x) + 0.0
     }
@@ -274,7 +274,7 @@ impl Grid {
         self.number(x + 0.5 * unit)
     }
 
-    fn vector(&self, v: DVec3) -> DVec3 {
+    pub(super) fn vector(&self, v: DVec3) -> DVec3 {
         DVec3::new(self.number(v.x), self.number(v.y), self.number(v.z))
     }
 

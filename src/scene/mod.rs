@@ -12,6 +12,7 @@ mod poses;
 mod sequence;
 mod shape;
 mod sight;
+mod studio;
 mod unseen;
 mod values;
 
@@ -23,5 +24,6 @@ pub(crate) use self::sequence::Opened;
 pub use self::sequence::{Pattern, Sequence, SequenceSpec};
 pub use self::shape::{Capture, Drawing, PointMotion, Shape, Sphere, Surface};
 pub(crate) use self::sight::camera_enters;
+pub use self::studio::{Studio, StudioLight, StudioOptions};
 pub use self::unseen::{Unseen, why_unseen};
 pub use self::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene, Source};

@@ -19,11 +19,17 @@ mod tests;
 mod write;
 mod xml;
 
+use std::io::Read as _;
 use std::path::Path;
 
+use glam::DVec3;
+
 use crate::files;
-use crate::model::{self, LoadProgress, ModelError};
-use crate::scene::{Camera, Object, Scene};
+use crate::model::{self, LoadProgress, ModelError, ModelFormat};
+use crate::options::words;
+use crate::image::{Display, ViewTransform};
+use crate::math::Trs;
+use crate::scene::{Camera, Object, Scene, Studio, StudioLight, StudioOptions};
 
 pub use self::error::{EnvironmentError, Location, SceneError};
 pub use self::opening::Opening;
@@ -40,6 +46,10 @@ pub struct SceneLoadOptions<'a> {
     /// Width and height of the image, pixels, in place of the scene's. Meshes without a spacing depend on it, and so
     /// does a camera that is found.
     pub size: Option<(u32, u32)>,
+    /// What is up in a model file that does not say so. Scene files say it of each object.
+    pub up: Up,
+    /// The studio of a model alone; `None`: the bare model. Scene files have none.
+    pub studio: Option<StudioOptions>,
     /// Told about slow steps.
     pub progress: Option<LoadProgress<'a>>,
 }
@@ -51,6 +61,35 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// Normals or radii estimated, unknown words skipped, the automatic camera: one line each.
     pub notes: Vec<String>,
+    /// The studio that a model alone stands in.
+    pub studio: Option<Studio>,
+}
+
+/// The axis of a model that points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Up {
+    /// +y, as in glTF and in most files that say nothing.
+    #[default]
+    Y,
+    /// +z, as in maps, CAD and many scans.
+    Z,
+}
+
+words!(Up, "axis that points up", [Y = "y", Z = "z"]);
+
+impl LoadedScene {
+    /// How pictures are shown that nobody chose another way for: in a studio with dither, and by `AgX` where lamps shade
+    /// the model; else as they are.
+    pub fn display(&self) -> Display {
+        self.studio.map_or_else(Display::default, |studio| Display {
+            view: match studio.light {
+                StudioLight::Lit => ViewTransform::Agx,
+                StudioLight::Unlit | StudioLight::Own => ViewTransform::Standard,
+            },
+            dither: true,
+            ..Display::default()
+        })
+    }
 }
 
 impl Scene {
@@ -72,7 +111,7 @@ impl Scene {
 /// The scene, or a file that it names, cannot be read or is not valid.
 pub fn load(path: &Path, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, SceneError> {
     let (loaded, files) = files::listed(|| load_scene(path, options));
-    loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes })
+    loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes, studio: None })
 }
 
 fn load_scene(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
@@ -91,16 +130,18 @@ fn load_scene(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec
 
 /// A scene of one model file, as a scene file with this model alone would be: 1024 x 768 pixels if the options do not
 /// say more, a black background, a light from the upper right front, ambient light, one frame, and a camera that sees
-/// all.
+/// all. With a [`StudioOptions`], the same model in a studio.
 ///
 /// # Errors
 /// The file cannot be read, or is not a valid model with at least one point.
 pub fn load_model(path: &Path, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, ModelError> {
     let (loaded, files) = files::listed(|| load_alone(path, options));
-    loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes })
+    loaded.map(|(scene, notes, studio)| LoadedScene { scene: Scene { files, ..scene }, notes, studio })
 }
 
-fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec<String>), ModelError> {
+type Alone = (Scene, Vec<String>, Option<Studio>);
+
+fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, ModelError> {
     let silent = |_: &str, _: f32| {};
     let progress = options.progress.unwrap_or(&silent);
     let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;
@@ -108,19 +149,44 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec
     let mesh = loaded.mesh().cloned();
     let mut object = Object::new(loaded);
     path.clone_into(&mut object.source.path);
+    notes.extend(stand(&mut object, options.up, path));
     let shape = object.shape.clone();
     let mut scene = Scene::new([object]);
     if let Some((width, height)) = options.size {
         (scene.image.width, scene.image.height) = (width, height);
         scene.camera = Camera::automatic(&scene);
     }
+    // Before a mesh is sampled as finely as its camera sees it.
+    let studio = options.studio.map(|wanted| scene.enter_studio(&wanted));
     if let Some(source) = mesh {
         notes.clear();
         let mesh = resolve::SampledMesh { path: path.to_owned(), source, shape, is_coarse: true };
         resolve::refine(&mut scene, &mesh, 1, &mut notes);
     }
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    Ok((scene, notes))
+    Ok((scene, notes, studio))
+}
+
+/// Turns what stands on another axis, unless its file says which; then the note says so.
+fn stand(object: &mut Object, up: Up, path: &Path) -> Option<String> {
+    if up == Up::Y {
+        return None;
+    }
+    if says_what_is_up(path) {
+        return Some(format!("{}: up z is left out, because glTF has y up", path.display()));
+    }
+    // Three quarters of a turn about x take z to y. A quarter back would do the same, but for the sign of a rounding
+    // error that the up direction of captures goes by.
+    object.place = Trs { rotate: DVec3::new(270_f64.to_radians(), 0.0, 0.0), ..Trs::default() };
+    None
+}
+
+/// glTF alone does.
+fn says_what_is_up(path: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = files::open(path).map(|file| file.take(512).read_to_end(&mut head));
+    let format = read.ok().and_then(|_| ModelFormat::detect(&head, path));
+    matches!(format, Some(ModelFormat::Glb | ModelFormat::Gltf))
 }
 
 /// Checks the bytes of a scene file without looking at the files that it names; gives the notes of `lenient`.

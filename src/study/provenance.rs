@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::files::{self, Changed, InputError, Stamp};
-use crate::image::Format;
+use crate::image::{Display, Format, ViewTransform};
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
 use crate::scene::{Object, Scene, SequenceSpec, Shape};
@@ -109,6 +109,15 @@ pub struct Settings {
     aovs: Vec<&'static str>,
     format: &'static str,
     bits: u32,
+    /// Exposure of a PNG file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stops: Option<f64>,
+    /// View transform of a PNG file, where it is not the light itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    view_transform: Option<&'static str>,
+    /// Dither of a PNG file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dither: Option<bool>,
     /// Compression of an EXR file.
     #[serde(skip_serializing_if = "Option::is_none")]
     compression: Option<&'static str>,
@@ -160,6 +169,9 @@ impl Provenance {
             aovs: Vec::new(),
             format: "",
             bits: 0,
+            stops: None,
+            view_transform: None,
+            dither: None,
             compression: None,
             inputs: inputs(scene, path)?,
             hash: String::new(),
@@ -168,6 +180,16 @@ impl Provenance {
         (alone.frames.first, alone.frames.last) = (0, 0);
         let canonical = scene_file::to_xml(&alone, path.parent().unwrap_or(Path::new("")));
         Ok(Self { of_scene, canonical })
+    }
+
+    /// The same where PNG files are shown in this way.
+    #[must_use]
+    pub fn shown(mut self, display: Display) -> Self {
+        let Display { stops, view, dither } = display;
+        self.of_scene.stops = (stops != 0.0).then_some(stops);
+        self.of_scene.view_transform = (view != ViewTransform::Standard).then(|| view.word());
+        self.of_scene.dither = dither.then_some(true);
+        self
     }
 
     /// The settings of pictures that are splatted on a backend, `cpu` or `gpu`.
@@ -230,11 +252,15 @@ impl Provenance {
     }
 
     fn in_format(&self, format: Format) -> Settings {
-        let compression = match format {
-            Format::Png { .. } => None,
-            Format::Exr(options) => Some(options.compression.name()),
-        };
-        Settings { format: format.extension(), bits: format.bits(), compression, ..self.of_scene.clone() }
+        let settings = Settings { format: format.extension(), bits: format.bits(), ..self.of_scene.clone() };
+        match format {
+            Format::Png { .. } => settings,
+            // Their light is that of the film.
+            Format::Exr(options) => {
+                let compression = Some(options.compression.name());
+                Settings { stops: None, view_transform: None, dither: None, compression, ..settings }
+            }
+        }
     }
 
     /// With the hash of all.
@@ -296,7 +322,9 @@ fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
         Shape::Surfels { .. } | Shape::Gaussians { .. } | Shape::Volume { .. } => true,
         Shape::Sequence { .. } | Shape::Sphere { .. } => false,
     };
-    let models = scene.objects.iter().filter(is_model).map(|object| &object.source.path);
+    // A model that was made in code has no file.
+    let has_file = |object: &&Object| !object.source.path.as_os_str().is_empty();
+    let models = scene.objects.iter().filter(is_model).filter(has_file).map(|object| &object.source.path);
     let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);
     let environment = scene.environment.as_ref().map(|environment| &environment.path);
     let camera = scene.camera.animation.as_ref().map(|a| &a.path);

@@ -10,6 +10,7 @@ use image::{ExtendedColorType, ImageEncoder as _, ImageResult};
 use rayon::prelude::*;
 
 use crate::film::{Aov, Layer, Picture};
+use crate::image::{Bits, Display};
 use crate::math::srgb;
 use crate::study::report::flip_scale;
 
@@ -20,10 +21,11 @@ pub(super) struct Shown {
     pub(super) range: Option<[f32; 2]>,
 }
 
-/// Shows the colours of a picture, or one of its layers. A layer that the picture does not have gives its colours.
-pub(super) fn show(picture: &Picture, buffer: Option<Aov>) -> ImageResult<Shown> {
+/// Shows the colours of a picture as `display` says, or one of its layers. A layer that the picture does not have gives
+/// its colours.
+pub(super) fn show(picture: &Picture, buffer: Option<Aov>, display: Display) -> ImageResult<Shown> {
     let layer = buffer.and_then(|aov| picture.layers.iter().find(|layer| layer.aov == aov));
-    let (codes, range) = layer.map_or_else(|| (colours(picture), None), false_colours);
+    let (codes, range) = layer.map_or_else(|| (colours(picture, display), None), false_colours);
     Ok(Shown { png: encode(picture, &codes)?, range })
 }
 
@@ -35,7 +37,11 @@ fn encode(picture: &Picture, codes: &[u8]) -> ImageResult<Vec<u8>> {
 }
 
 /// sRGB codes, row by row. Transparent pixels are shown before black.
-fn colours(picture: &Picture) -> Vec<u8> {
+fn colours(picture: &Picture, display: Display) -> Vec<u8> {
+    if !display.is_plain() {
+        let bare = Picture { rgba: picture.rgba.clone(), layers: Vec::new(), ..*picture };
+        return colours(&display.shown(bare, Bits::Eight, false), Display::default());
+    }
     let columns = picture.width.max(1) as usize;
     let mut codes = vec![0; 3 * picture.rgba.len()];
     codes.par_chunks_mut(3 * columns).zip(picture.rgba.par_chunks(columns)).for_each_init(
@@ -112,7 +118,7 @@ mod tests {
     }
 
     fn codes(picture: &Picture, buffer: Option<Aov>) -> (Vec<u8>, Option<[f32; 2]>) {
-        let shown = show(picture, buffer).unwrap();
+        let shown = show(picture, buffer, Display::default()).unwrap();
         (decoded(&shown.png), shown.range)
     }
 

@@ -47,7 +47,10 @@ pub(super) fn save(
     };
     let format = match what {
         SavedKind::Scene => {
-            let text = scene_file::to_xml(&look.changed(scene), &out);
+            let mut changed = look.changed(scene);
+            // The ground of a studio is in no file.
+            changed.objects.retain(|object| known.loaded.studio.is_none() || !object.source.path.as_os_str().is_empty());
+            let text = scene_file::to_xml(&changed, &out);
             return create(&scene.name, "xml", text.as_bytes());
         }
         SavedKind::Png if look.buffer.is_some() => {
@@ -57,12 +60,18 @@ pub(super) fn save(
         SavedKind::Exr => Format::EXR,
     };
     let Finished { picture, scene, options, backend, comment } = finished;
+    let display = known.loaded.display();
     let settings = Provenance::of(scene, &shared.setup.path).and_then(|provenance| {
+        let provenance = provenance.shown(display);
         provenance.splatted(options, format, backend).and_then(|settings| settings.of_frame(look.frame))
     });
     let settings = settings.map_err(|why| cannot(&why))?;
+    let shown = match format {
+        Format::Png { bits, alpha } if !display.is_plain() => Arc::new(display.shown((**picture).clone(), bits, alpha)),
+        _ => Arc::clone(picture),
+    };
     let bytes =
-        image::encode_with_comment(picture, format, &settings, comment.as_deref()).map_err(|why| cannot(&why))?;
+        image::encode_with_comment(&shown, format, &settings, comment.as_deref()).map_err(|why| cannot(&why))?;
     create(&format!("{}.{}", scene.name, look.frame.padded()), format.extension(), &bytes)
 }
 

@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::camera::CameraAt;
+use super::shared::Known;
 use crate::film::Aov;
 use crate::frame::all_rests;
 use crate::options::{self, BlurMode, ErrorTarget, Interleave, Prefilter, Quality, RenderOptions, Shading};
@@ -175,13 +176,13 @@ impl AskedShutter {
 }
 
 impl PageLook {
-    /// The scene as it is looked at, at `size` pixels. `of_model`: the scene is a model file, and its camera is chosen
-    /// for the size of the image.
-    pub(super) fn scene(&self, scene: &Scene, of_model: bool, [width, height]: [u32; 2]) -> Scene {
-        let mut scene = self.changed(scene);
+    /// The scene as it is looked at, at `size` pixels. The camera of a model file is chosen for the size of the image.
+    pub(super) fn scene(&self, known: &Known, [width, height]: [u32; 2]) -> Scene {
+        let mut scene = self.changed(known.scene());
         (scene.image.width, scene.image.height) = (width, height);
-        if of_model && self.camera.is_none() {
-            scene.camera = Camera::automatic(&scene);
+        if known.of_model && self.camera.is_none() {
+            let in_studio = known.loaded.studio.is_some();
+            scene.camera = if in_studio { scene.studio_camera() } else { Camera::automatic(&scene) };
         }
         scene
     }

@@ -32,6 +32,7 @@ use super::common::{
 };
 use super::frames::{self, FrameList};
 use super::output::{print, print_json, say};
+use super::studio::ModelAlone;
 use super::progress::Rendering;
 use super::render::blur::Blur;
 use super::values;
@@ -215,7 +216,7 @@ impl Dataset {
         if let By::Splatting(options) = &mut recipe.by {
             options.memory = self.splatting.limit.memory(backend, self.running.quiet);
         }
-        let LoadedScene { scene, notes, .. } = self.running.load(path, &choices.overrides, &pool)?;
+        let LoadedScene { scene, notes, .. } = self.running.load(path, &choices.overrides, ModelAlone::default(), &pool)?;
         if let Format::Png { alpha, .. } = &mut recipe.format {
             *alpha = scene.image.transparent;
         }

@@ -113,7 +113,12 @@ impl Info {
         let restrict = self.restrict.as_deref();
         let loaded = scene_file::load(
             file,
-            &scene_file::SceneLoadOptions { lenient: self.lenient, restrict, size: None, progress: Some(&step) },
+            &scene_file::SceneLoadOptions {
+                lenient: self.lenient,
+                restrict,
+                progress: Some(&step),
+                ..scene_file::SceneLoadOptions::default()
+            },
         )?;
         drop(progress);
         if self.xml {

@@ -40,6 +40,7 @@ use super::common::{
 use super::frames::FrameList;
 use super::output::{print, print_json, say};
 use super::progress;
+use super::studio::make_possible;
 use super::values;
 use super::words::with_flags;
 
@@ -137,15 +138,22 @@ impl Render {
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
         let mut renderer = Renderer::open(self.place.device()?)?;
+        let Ready { scene, mut notes, frames, format, display, in_studio } =
+            Ready::new(&self.images, self.movie.is_some(), &self.overrides, &self.running, &pool)?;
+        if in_studio && let Some(note) = make_possible(&mut renderer, &self.place.device()?, &scene, &mut options)? {
+            if !self.running.quiet {
+                say(&format!("note: {note}"));
+            }
+            notes.push(note);
+        }
+        let load_seconds = start.elapsed().as_secs_f64();
         let backend_name = renderer.backend_name();
         if self.images.json {
             renderer.count_waste();
         }
         options.memory = self.splatting.limit.memory(backend_name, self.running.quiet);
-        let Ready { scene, mut notes, frames, format } =
-            Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
-        let load_seconds = start.elapsed().as_secs_f64();
-        let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
+        let provenance = Provenance::of(&scene, &self.images.scene)?.shown(display);
+        let settings = provenance.splatted(&options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
         let film = self.film(&scene, &frames, format, &mut notes)?;
@@ -167,6 +175,7 @@ impl Render {
             directory: &directory,
             stem: &scene.name,
             format,
+            display,
             resume: self.resume,
             writes: !self.no_frames,
             gate: &gate,

@@ -8,7 +8,7 @@ use rayon::ThreadPool;
 use splatblur::FrameNumber;
 use splatblur::files::Nameless;
 use splatblur::film::Picture;
-use splatblur::image::{self, Format};
+use splatblur::image::{self, Bits, Display, Format};
 use splatblur::movie::Movie;
 use splatblur::renderer::{FinishedFrame, FrameError, FrameQueue, Rendered, Stats};
 
@@ -27,6 +27,8 @@ pub(super) struct FrameOutput<'a> {
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
     pub(super) format: Format,
+    /// How PNG files and movies show light.
+    pub(super) display: Display,
     /// Skip frames whose file carries the same settings and is whole.
     pub(super) resume: bool,
     /// Write files of pictures; else a movie alone is made.
@@ -193,12 +195,14 @@ impl FrameOutput<'_> {
     /// Writes pages until there are no more; returns the movie with all of them.
     fn write_all(&self, pages: &mpsc::Receiver<Page>, mut movie: Option<Movie>) -> anyhow::Result<Option<Movie>> {
         for page in pages {
+            let is_shown = matches!(self.format, Format::Png { .. });
             let picture = match page {
                 Page::There(path) => match &movie {
                     Some(_) => image::read(&path)?,
                     None => continue,
                 },
                 Page::Rendered { path, picture, settings, comment } => {
+                    let picture = if is_shown { self.shown(picture) } else { picture };
                     if self.writes {
                         let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
                         match &comment {
@@ -212,10 +216,19 @@ impl FrameOutput<'_> {
                 }
             };
             if let Some(movie) = &mut movie {
-                movie.push(&picture)?;
+                movie.push(&if is_shown { picture } else { self.shown(picture) })?;
             }
         }
         Ok(movie)
+    }
+
+    /// A picture as its PNG file shows it.
+    fn shown(&self, picture: Picture) -> Picture {
+        match self.format {
+            Format::Png { bits, alpha } => self.display.shown(picture, bits, alpha),
+            // In a movie alone.
+            Format::Exr(_) => self.display.shown(picture, Bits::Eight, false),
+        }
     }
 }
 
@@ -299,7 +312,7 @@ mod tests {
         let gate = Mutex::new(());
         let frames = FrameList::range(1, 3).unwrap();
         let sequence =
-            FrameOutput { frames: &frames, directory, stem: "a", format: PNG, resume, writes: true, gate: &gate };
+            FrameOutput { frames: &frames, directory, stem: "a", format: PNG, display: Display::default(), resume, writes: true, gate: &gate };
         let mut scene = Scene::new([Object::new(Shape::default())]);
         (scene.image.width, scene.image.height) = (1, 1);
         let options =

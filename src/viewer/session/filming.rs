@@ -71,11 +71,14 @@ impl Filming {
     /// Renders the next frame on the open device. Where it is stopped the frame is to be rendered again.
     pub(super) fn step(&mut self, studio: &mut Studio<'_>) -> Result<(), Ended> {
         self.look.frame = FrameNumber::from(self.next);
-        let scene = self.look.scene(self.known.scene(), self.known.of_model, self.look.size);
+        let scene = self.look.scene(&self.known, self.look.size);
         let options = self.look.options(self.quality, studio.memory());
+        let options = studio.possible(&self.known, &scene, options);
         let (rendered, _) = studio.render(&scene, &self.look, &options)?;
-        self.movie.push(&rendered.picture)?;
-        studio.recycle(rendered.picture);
+        let display = self.known.loaded.display();
+        let picture = display.shown(rendered.picture, Bits::Eight, scene.image.transparent);
+        self.movie.push(&picture)?;
+        studio.recycle(picture);
         self.next += 1;
         Ok(())
     }

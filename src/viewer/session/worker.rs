@@ -282,8 +282,9 @@ impl<'a> Worker<'a> {
         let level = self.pace.level();
         let whole = task == Task::Whole;
         let size = if whole { view.look.size } else { level.size(view.look.size) };
-        let scene = view.look.scene(known.scene(), known.of_model, size);
+        let scene = view.look.scene(known, size);
         let options = view.look.quick(&scene, view.quality, level.samples, self.studio.memory());
+        let options = self.studio.possible(known, &scene, options);
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let mut header = header(view, &scene, "both", self.studio.describe(), time);
         header.mode = options.quality.to_string();
@@ -296,8 +297,9 @@ impl<'a> Worker<'a> {
 
     fn first(&mut self, view: &PageView, known: &Known) -> Result<bool, Ended> {
         self.open(&view.look.device)?;
-        let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
+        let scene = view.look.scene(known, view.look.size);
         let options = view.look.options(view.quality, self.studio.memory());
+        let options = self.studio.possible(known, &scene, options);
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let side = if view.other.is_some() { "first" } else { "both" };
         let mut header = header(view, &scene, side, self.studio.describe(), time);
@@ -317,8 +319,9 @@ impl<'a> Worker<'a> {
 
     fn second(&mut self, view: &PageView, quality: Quality, known: &Known) -> Result<bool, Ended> {
         self.open(&view.look.device)?;
-        let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
+        let scene = view.look.scene(known, view.look.size);
         let options = view.look.options(quality, self.studio.memory());
+        let options = self.studio.possible(known, &scene, options);
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let mut header = header(view, &scene, "second", self.studio.describe(), time);
         header.finished = true;
@@ -331,7 +334,7 @@ impl<'a> Worker<'a> {
 
     /// The reference with twice the samples.
     fn reference(&mut self, view: &PageView, known: &Known) -> Result<bool, Ended> {
-        let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
+        let scene = view.look.scene(known, view.look.size);
         let before = self.sides.sums.as_ref().map_or(0, Sums::samples);
         let options = ReferenceOptions {
             samples: (2 * before).clamp(SCRAMBLINGS as u64, MOST_SAMPLES),
@@ -358,7 +361,8 @@ impl<'a> Worker<'a> {
 
     /// Sends a picture.
     fn picture(&mut self, mut header: Header, picture: &Picture, buffer: Option<Aov>) -> Result<bool, Ended> {
-        let shown = self.shared.setup.pool.install(|| show(picture, buffer));
+        let display = self.known.as_ref().map(|known| known.loaded.display()).unwrap_or_default();
+        let shown = self.shared.setup.pool.install(|| show(picture, buffer, display));
         let shown = shown.map_err(|why| Ended::Failed(why.to_string()))?;
         self.sent += 1;
         header.picture = self.sent;

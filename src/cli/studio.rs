@@ -1,0 +1,154 @@
+//! How a model alone is shown, and how PNG files show light.
+
+use std::path::Path;
+
+use anyhow::bail;
+use clap::Args;
+use splatblur::image::{Display, ViewTransform};
+use splatblur::options::RenderOptions;
+use splatblur::renderer::{Device, Renderer};
+use splatblur::scene::{Scene, Studio, StudioLight, StudioOptions};
+use splatblur::scene_file::Up;
+
+use super::common::Overrides;
+use super::values;
+
+/// How a model file is shown.
+#[derive(Debug, Args)]
+pub(super) struct StudioArgs {
+    /// A model file: show the bare model, before black, lit from the upper right front, without shadow and ground.
+    #[arg(long, conflicts_with = "unlit", help_heading = "Model alone")]
+    no_studio: bool,
+    /// A model file: show its colours as they are, without the light of lamps (--unlit), or with it (--unlit=off)
+    /// [default: on for points with colours, as scans have them].
+    #[arg(
+        long,
+        value_name = "on|off",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "on",
+        value_parser = values::switch(),
+        help_heading = "Model alone"
+    )]
+    unlit: Option<bool>,
+    /// A model file: the axis that points up, y or z. glTF says it itself [default: y].
+    #[arg(long, value_name = "AXIS", value_parser = values::one_of::<Up>(Up::WORDS), help_heading = "Model alone")]
+    up: Option<Up>,
+}
+
+/// What is said about a model alone. By default it is bare.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ModelAlone {
+    pub(super) studio: Option<StudioOptions>,
+    pub(super) up: Up,
+    /// An option that is for models alone and was given.
+    given: Option<&'static str>,
+}
+
+impl ModelAlone {
+    /// A scene file has lights and places of its own.
+    pub(super) fn refuse_choices(self, path: &Path) -> anyhow::Result<()> {
+        match self.given {
+            Some(option) => bail!("{option} is for a model file, and {} is a scene", path.display()),
+            None => Ok(()),
+        }
+    }
+}
+
+impl StudioArgs {
+    /// What is said of a model alone. `transparent`: without a background.
+    pub(super) fn of(&self, overrides: &Overrides, transparent: bool) -> ModelAlone {
+        let studio = StudioOptions { unlit: self.unlit, background: overrides.background, transparent };
+        let given = self.unlit.map(|_| "--unlit").or(self.up.map(|_| "--up"));
+        ModelAlone { studio: (!self.no_studio).then_some(studio), up: self.up.unwrap_or_default(), given }
+    }
+}
+
+/// How PNG files and movies show light.
+#[derive(Debug, Args)]
+pub(super) struct DisplayArgs {
+    /// Exposure of PNG files and movies: light is multiplied by two to this power [default: 0].
+    #[arg(
+        long,
+        value_name = "N",
+        allow_hyphen_values = true,
+        value_parser = values::stops,
+        help_heading = "Display"
+    )]
+    stops: Option<f64>,
+    /// Curve of PNG files and movies. standard: the light itself, clipped at white; agx: 16.5 stops, and what is bright
+    /// turns pale [default: agx for a model in the light of the studio, else standard].
+    #[arg(
+        long,
+        value_name = "CURVE",
+        value_parser = values::one_of::<ViewTransform>(ViewTransform::WORDS),
+        help_heading = "Display"
+    )]
+    view_transform: Option<ViewTransform>,
+    /// Noise of half a code in PNG files and movies, which keeps slow gradients from showing steps (--dither), or none
+    /// (--dither=off) [default: on in the studio, else off].
+    #[arg(
+        long,
+        value_name = "on|off",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "on",
+        value_parser = values::switch(),
+        help_heading = "Display"
+    )]
+    dither: Option<bool>,
+}
+
+impl DisplayArgs {
+    /// What is said, and for the rest `own`.
+    pub(super) fn or(&self, own: Display) -> Display {
+        Display {
+            stops: self.stops.unwrap_or(own.stops),
+            view: self.view_transform.unwrap_or(own.view),
+            dither: self.dither.unwrap_or(own.dither),
+        }
+    }
+
+    /// Refuses choices that nothing would heed.
+    pub(super) fn refuse(&self, format: &str) -> anyhow::Result<()> {
+        let given = self.stops.map(|_| "--stops").or(self.view_transform.map(|_| "--view-transform"));
+        match given.or(self.dither.filter(|on| *on).map(|_| "--dither")) {
+            Some(option) => bail!("{option} is for {format}: EXR keeps the light as it is"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What became of a model in a studio, and how to change it.
+pub(super) fn in_words(studio: Studio) -> String {
+    let light = match studio.light {
+        StudioLight::Lit => "lit by three lamps (--unlit shows its colours as they are)",
+        StudioLight::Unlit => "its colours as they are (--unlit=off lights it)",
+        StudioLight::Own => "in its own light",
+    };
+    format!("in a studio, {light}; --no-studio shows the bare model")
+}
+
+/// Lets a picture of a studio be made where shadows cannot: on the CPU, if nobody named a device, else without its
+/// shadow. The note says which.
+pub(super) fn make_possible(
+    renderer: &mut Renderer,
+    device: &Device,
+    scene: &Scene,
+    options: &mut RenderOptions,
+) -> anyhow::Result<Option<String>> {
+    if renderer.draws_shadows(scene, options) {
+        return Ok(None);
+    }
+    if *device == Device::Auto && renderer.backend_name() != "cpu" {
+        let cpu = Renderer::open(Device::Cpu)?;
+        if cpu.draws_shadows(scene, options) {
+            *renderer = cpu;
+            let note = "the studio's shadow needs the CPU: --no-shadows or --no-studio renders on the GPU";
+            return Ok(Some(note.to_owned()));
+        }
+    }
+    options.look.shadows = false;
+    let what = if renderer.backend_name() == "cpu" { "mode" } else { "backend or mode" };
+    Ok(Some(format!("the studio's shadow is left out: this {what} has none")))
+}
