@@ -14,7 +14,7 @@ use splatblur::image::{Bits, Compression, Display, Exr, Format, Precision};
 use splatblur::model::{self, ModelError};
 use splatblur::movie;
 use splatblur::options::{self, Detail, Look, PixelFilter, Prefilter, Shading};
-use splatblur::scene::Scene;
+use splatblur::scene::{Scene, Studio};
 use splatblur::scene_file::{self, LoadedScene};
 use splatblur::time::{Readout, Weight};
 
@@ -417,8 +417,8 @@ pub(super) struct Ready {
     pub(super) format: Format,
     /// Of PNG files and movies.
     pub(super) display: Display,
-    /// Does the model stand in a studio?
-    pub(super) in_studio: bool,
+    /// The studio that the model alone stands in.
+    pub(super) studio: Option<Studio>,
 }
 
 impl Ready {
@@ -437,15 +437,15 @@ impl Ready {
         }
         let alone = images.alone.of(overrides, images.transparent);
         let loaded = running.load(&images.scene, overrides, alone, pool)?;
-        let (display, in_studio) = (images.display.or(loaded.display()), loaded.studio.is_some());
-        let LoadedScene { mut scene, notes, .. } = loaded;
+        let display = images.display.or(loaded.display());
+        let LoadedScene { mut scene, notes, studio } = loaded;
         scene.image.transparent |= images.transparent;
         let format = match format {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
             exr @ Format::Exr(_) => exr,
         };
         let frames = frames_of(images.frames.as_ref(), &scene)?;
-        Ok(Self { scene, notes, frames, format, display, in_studio })
+        Ok(Self { scene, notes, frames, format, display, studio })
     }
 }
 

@@ -31,6 +31,7 @@ mod thesis;
 mod values;
 #[cfg(feature = "viewer")]
 mod view;
+mod wipe;
 pub(crate) mod words;
 
 use std::ffi::OsString;
@@ -57,6 +58,7 @@ Examples:
   splatblur render scene.xml --frames 12 --size 640x480 --mode still
   splatblur dataset scene.xml --out truth             blurred and sharp pictures, flow, depth, cameras
   splatblur compare a.png b.exr --limit flip=0.02     how far a picture is from another
+  splatblur wipe out/still out/blurred --out a.gif    two sequences, a border sweeps over them
   splatblur sheet scene.xml --frame 12 --modes supersample:8,bucket:8x4 --out sheet.png
   splatblur report scene.xml --frames 12 --modes supersample:8,bucket:8x4 --reference 1024 --out report
   splatblur info scene.xml                            what would be rendered
@@ -76,6 +78,7 @@ enum Command {
     Reference(Box<reference::Reference>),
     Dataset(Box<dataset::Dataset>),
     Compare(compare::Compare),
+    Wipe(wipe::Wipe),
     Sheet(Box<sheet::Sheet>),
     Report(Box<report::Report>),
     Study(thesis::Study),
@@ -117,6 +120,7 @@ pub(super) fn main(arguments: &[OsString]) -> ExitCode {
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
         Command::Dataset(dataset) => dataset.run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),
+        Command::Wipe(wipe) => wipe.run().map(|()| ExitCode::SUCCESS),
         Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),
         Command::Report(report) => report.run(),
         Command::Study(study) => study.run().map(|()| ExitCode::SUCCESS),

@@ -188,8 +188,15 @@ impl Reference {
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let provenance = Provenance::of(&scene, &self.images.scene)?.shown(display);
-        let output =
-            Output { scene: &scene, provenance, options: &options, format, display, directory: &directory, gate: &gate };
+        let output = Output {
+            scene: &scene,
+            provenance,
+            options: &options,
+            format,
+            display,
+            directory: &directory,
+            gate: &gate,
+        };
         let mut reports = Vec::new();
         for &frame in frames.all() {
             let report = pool.install(|| self.frame(&output, frame)).with_context(|| format!("frame {frame}"))?;

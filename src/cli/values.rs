@@ -10,7 +10,7 @@ use std::str::FromStr;
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
-use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, SHUTTER, STOPS};
+use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, RATE, SHUTTER, STOPS};
 use splatblur::model::ColourSpace;
 use splatblur::movie::MovieKind;
 
@@ -81,6 +81,12 @@ pub(super) fn radius_scale(text: &str) -> Result<f64, String> {
 pub(super) fn epsilon(text: &str) -> Result<f64, String> {
     let value = real(text)?;
     if EPSILON.holds(value) { Ok(value) } else { Err(format!("{value} is not from 0 to 1e30")) }
+}
+
+/// Frames a second.
+pub(super) fn rate(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if RATE.holds(value) { Ok(value) } else { Err(format!("{value} is not from 0.001 to 1e6")) }
 }
 
 /// A finite number > 0.

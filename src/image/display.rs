@@ -244,7 +244,8 @@ mod tests {
         let display = Display { dither: true, ..Display::default() };
         for code in [0.0, 17.3, 128.5, 200.75, 255.0_f32] {
             let light = srgb::to_linear(code / 255.0);
-            let picture = Picture { width: 90, height: 90, rgba: vec![[light, light, light, 1.0]; 8100], layers: vec![] };
+            let picture =
+                Picture { width: 90, height: 90, rgba: vec![[light, light, light, 1.0]; 8100], layers: vec![] };
             let shown = display.shown(picture, Bits::Eight, false);
             for channel in 0..3 {
                 let codes = shown.rgba.iter().map(|pixel| srgb::from_linear(pixel[channel]) * 255.0);

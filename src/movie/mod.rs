@@ -8,6 +8,7 @@
 mod ffmpeg;
 mod gif;
 mod rate;
+pub mod wipe;
 mod y4m;
 
 use std::io;

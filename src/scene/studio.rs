@@ -52,7 +52,7 @@ const FOVY: f64 = 30.0;
 const AROUND: f64 = 30.0;
 const ABOVE: f64 = 16.0;
 /// Background, linear: a light grey.
-const GREY: f64 = 0.4;
+const GREY: f64 = 0.6;
 /// Light from everywhere. A power of two, so that a material can undo it without rounding.
 const AMBIENT: f64 = 0.25;
 /// Diameter of the key light as it is seen from the model, degrees: a large soft box.
@@ -67,7 +67,7 @@ const GROUND: f64 = 5.0;
 const RINGS: i32 = 48;
 /// Share of stray points at each end that neither framing nor the ground heeds, where points are not the corners of
 /// triangles.
-const STRAY: f64 = 0.001;
+const STRAY: f64 = 0.005;
 /// The same for captures, as their core has it.
 const STRAY_OF_CAPTURE: f64 = 0.02;
 
@@ -357,7 +357,138 @@ fn framed(scene: &Scene) -> Option<Camera> {
     let grid = Grid::new(distance);
     let (eye, at) = (grid.vector(at + out * distance), grid.vector(at));
     let near = Camera::NEAR.min(grid.number(distance * 1e-3)).max(1e-9);
-    let camera =
-        Camera { up, fovy: FOVY.to_radians(), near, automatic: true, ..Camera::new(eye, at) };
+    let camera = Camera { up, fovy: FOVY.to_radians(), near, automatic: true, ..Camera::new(eye, at) };
     camera.bad_view().is_none().then_some(camera)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::pose::camera_from_world;
+    use crate::shading::{ShadingLight, shade};
+
+    /// Points on a box from (-1, 0, -1) to (1, 3, 1), with the size `scale`, about `middle`.
+    fn boxed(scale: f64, middle: DVec3, coloured: bool) -> Scene {
+        let mut surfels = Surfels { origin: middle, ..Surfels::default() };
+        for i in 0..1000 {
+            let part = |k: i32| f64::from(i / 10_i32.pow(k as u32) % 10) / 9.0;
+            let at = DVec3::new(2.0 * part(0) - 1.0, 3.0 * part(1), 2.0 * part(2) - 1.0) * scale;
+            surfels.position.push(at.as_vec3());
+            surfels.axis_u.push(Vec3::X * (1e-4 * scale) as f32);
+            surfels.axis_v.push(Vec3::Y * (1e-4 * scale) as f32);
+            surfels.normal.push(Vec3::Z);
+            surfels.colour.push(Vec3::splat(if coloured { part(1) as f32 } else { 0.5 }));
+        }
+        Scene::new([Object::new(surfels)])
+    }
+
+    /// Width and height of the outline in shares of the image, and its middle from that of the image.
+    fn outline(scene: &Scene) -> ([f64; 2], [f64; 2]) {
+        let camera = &scene.camera;
+        let tan = libm::tan(0.5 * camera.fovy);
+        let aspect = f64::from(scene.image.width) / f64::from(scene.image.height);
+        let view = camera_from_world(scene, 0.0);
+        let surfels = scene.objects[0].shape.surfels().unwrap().surfels();
+        let points: Bounds = surfels
+            .position
+            .iter()
+            .map(|p| {
+                let p = view.transform_point3(surfels.origin + p.as_dvec3());
+                assert!(-p.z > camera.near);
+                DVec3::new(p.x / (-p.z * tan * aspect), p.y / (-p.z * tan), 0.0)
+            })
+            .collect();
+        let (size, centre) = (0.5 * points.size(), points.centre());
+        ([size.x, size.y], [centre.x, centre.y])
+    }
+
+    #[test]
+    fn the_outline_fills_three_quarters_of_the_shorter_side() {
+        for (size, scale, middle) in [
+            ([1024, 768], 1.0, DVec3::ZERO),
+            ([300, 900], 1.0, DVec3::ZERO),
+            ([1600, 400], 1e-4, DVec3::ZERO),
+            ([640, 480], 1e6, DVec3::new(5e7, -2e7, 1e7)),
+        ] {
+            let mut scene = boxed(scale, middle, false);
+            [scene.image.width, scene.image.height] = size;
+            scene.enter_studio(&StudioOptions::default());
+            let (shares, centre) = outline(&scene);
+            let pixels = [shares[0] * f64::from(size[0]), shares[1] * f64::from(size[1])];
+            let filled = pixels[0].max(pixels[1]) / f64::from(size[0].min(size[1]));
+            assert!((0.7..=0.8).contains(&filled), "{size:?}: {filled}");
+            assert!(centre.iter().all(|c| c.abs() < 0.03), "{centre:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_white_is_brighter_than_white() {
+        let mut scene = boxed(1.0, DVec3::ZERO, false);
+        scene.enter_studio(&StudioOptions::default());
+        let lights: Vec<ShadingLight> = scene
+            .lights
+            .iter()
+            .map(|light| match *light {
+                Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
+                Light::Directional { direction, colour, .. } => ShadingLight::Directional {
+                    towards: -direction.as_vec3(),
+                    colour: colour.as_vec3(),
+                    shadows: false,
+                },
+                Light::Point { .. } => panic!("no lamp of a studio is a point"),
+            })
+            .collect();
+        let view = (scene.camera.eye - scene.camera.at).normalize().as_vec3();
+        let direction = |i: u32| {
+            // A lattice on the sphere.
+            let height = 1.0 - 2.0 * (f64::from(i) + 0.5) / 20_000.0;
+            let (sin, cos) = libm::sincos(2.399_963_229_728_653 * f64::from(i));
+            let flat = (1.0 - height * height).sqrt();
+            DVec3::new(flat * cos, height, flat * sin).as_vec3()
+        };
+        let brightest = (0..20_000)
+            .map(|i| shade(&lights, &Material::default(), Vec3::ONE, direction(i), -view).max_element())
+            .fold(0.0, f32::max);
+        assert!((0.8..=1.0).contains(&brightest), "{brightest}");
+    }
+
+    #[test]
+    fn the_ground_lies_below_and_is_the_background_in_full_light() {
+        let mut scene = boxed(2.0, DVec3::new(3.0, -7.0, 1.0), false);
+        let background = DVec3::new(0.2, 0.4, 0.6);
+        let studio = scene.enter_studio(&StudioOptions { background: Some(background), ..StudioOptions::default() });
+        assert_eq!(studio, Studio { light: StudioLight::Lit, ground: true });
+        let ground = scene.objects[1].shape.surfels().unwrap().surfels();
+        assert!(ground.origin.y < -7.0 && ground.origin.y > -7.02, "{}", ground.origin);
+        assert!(ground.position.iter().all(|p| p.y == 0.0));
+        let lit: DVec3 = scene.lights.iter().map(|light| falling(light, DVec3::Y)).sum();
+        assert!((ground.colour[0].as_dvec3() * lit - background).abs().max_element() < 1e-6);
+        assert_eq!(scene.lights.iter().filter(|light| light.has_shadows()).count(), 1);
+        scene.check().unwrap();
+        let mut scene = boxed(1.0, DVec3::ZERO, false);
+        let studio = scene.enter_studio(&StudioOptions { transparent: true, ..StudioOptions::default() });
+        assert!(!studio.ground && scene.image.transparent && scene.objects.len() == 1);
+    }
+
+    #[test]
+    fn points_with_colours_show_them() {
+        let unlit = |coloured: bool, unlit: Option<bool>| {
+            let mut scene = boxed(1.0, DVec3::ZERO, coloured);
+            let studio = scene.enter_studio(&StudioOptions { unlit, ..StudioOptions::default() });
+            let ambient = scene.objects[0].shape.material().map_or(1.0, |material| material.ambient);
+            (studio.light == StudioLight::Unlit, f64::from(ambient) * AMBIENT == 1.0)
+        };
+        assert_eq!(unlit(true, None), (true, true));
+        assert_eq!(unlit(false, None), (false, false));
+        assert_eq!(unlit(true, Some(false)), (false, false));
+        assert_eq!(unlit(false, Some(true)), (true, true));
+    }
+
+    #[test]
+    fn what_cannot_be_framed_is_seen_as_without_a_studio() {
+        let mut scene = Scene::new([Object::new(Surfels::default())]);
+        let before = scene.camera.clone();
+        let studio = scene.enter_studio(&StudioOptions::default());
+        assert_eq!((scene.camera.eye, scene.camera.at, studio.ground), (before.eye, before.at, false));
+    }
 }

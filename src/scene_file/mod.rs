@@ -25,10 +25,10 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::files;
-use crate::model::{self, LoadProgress, ModelError, ModelFormat};
-use crate::options::words;
 use crate::image::{Display, ViewTransform};
 use crate::math::Trs;
+use crate::model::{self, LoadProgress, ModelError, ModelFormat};
+use crate::options::words;
 use crate::scene::{Camera, Object, Scene, Studio, StudioLight, StudioOptions};
 
 pub use self::error::{EnvironmentError, Location, SceneError};

@@ -49,7 +49,9 @@ pub(super) fn save(
         SavedKind::Scene => {
             let mut changed = look.changed(scene);
             // The ground of a studio is in no file.
-            changed.objects.retain(|object| known.loaded.studio.is_none() || !object.source.path.as_os_str().is_empty());
+            changed
+                .objects
+                .retain(|object| known.loaded.studio.is_none() || !object.source.path.as_os_str().is_empty());
             let text = scene_file::to_xml(&changed, &out);
             return create(&scene.name, "xml", text.as_bytes());
         }

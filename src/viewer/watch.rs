@@ -27,7 +27,8 @@ impl Shared {
                 Ok(loaded) => {
                     seen = files_of(&loaded, &seen);
                     let only = |object: &Object| object.source.path == self.setup.path;
-                    let of_model = loaded.studio.is_some() || matches!(&loaded.scene.objects[..], [object] if only(object));
+                    let of_model =
+                        loaded.studio.is_some() || matches!(&loaded.scene.objects[..], [object] if only(object));
                     let known = Arc::new(Known { loaded, of_model });
                     self.change(|state| (state.scene, state.broken, state.loading) = (Some(known), None, false));
                     None

@@ -23,6 +23,7 @@ mod render;
 mod report;
 mod saves;
 mod shell;
+mod studio;
 mod volumes;
 mod what_is_taken;
 

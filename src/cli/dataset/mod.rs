@@ -32,9 +32,9 @@ use super::common::{
 };
 use super::frames::{self, FrameList};
 use super::output::{print, print_json, say};
-use super::studio::ModelAlone;
 use super::progress::Rendering;
 use super::render::blur::Blur;
+use super::studio::ModelAlone;
 use super::values;
 
 /// Render blurred pictures with the truth about them: sharp pictures, flow, depth, cameras.
@@ -216,7 +216,8 @@ impl Dataset {
         if let By::Splatting(options) = &mut recipe.by {
             options.memory = self.splatting.limit.memory(backend, self.running.quiet);
         }
-        let LoadedScene { scene, notes, .. } = self.running.load(path, &choices.overrides, ModelAlone::default(), &pool)?;
+        let LoadedScene { scene, notes, .. } =
+            self.running.load(path, &choices.overrides, ModelAlone::default(), &pool)?;
         if let Format::Png { alpha, .. } = &mut recipe.format {
             *alpha = scene.image.transparent;
         }

@@ -182,6 +182,19 @@ impl Blur {
         self.mode.as_ref().map_or(name, |mode| mode.parts.name)
     }
 
+    /// Most samples of mode auto in a studio, unless somebody says how good the picture is to be. The penumbra of a large
+    /// lamp takes 144 for the error that mode auto has else, seven times as long, and looks the same.
+    const IN_STUDIO: u32 = 32;
+
+    /// Spares the samples of a picture in a studio.
+    pub(in crate::cli) fn spare(&self, quality: &mut Quality) {
+        if let Quality::Error(target) = quality
+            && !self.says_auto()
+        {
+            target.samples_max = Self::IN_STUDIO;
+        }
+    }
+
     /// Does an option say that the mode is auto?
     fn says_auto(&self) -> bool {
         self.mode.is_some() || self.error.is_some() || self.samples_max.is_some()

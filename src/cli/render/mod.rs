@@ -138,9 +138,14 @@ impl Render {
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
         let mut renderer = Renderer::open(self.place.device()?)?;
-        let Ready { scene, mut notes, frames, format, display, in_studio } =
+        let Ready { scene, mut notes, frames, format, display, studio } =
             Ready::new(&self.images, self.movie.is_some(), &self.overrides, &self.running, &pool)?;
-        if in_studio && let Some(note) = make_possible(&mut renderer, &self.place.device()?, &scene, &mut options)? {
+        if studio.is_some_and(|studio| studio.ground) && options.look.shadows {
+            self.blur.spare(&mut options.quality);
+        }
+        if studio.is_some()
+            && let Some(note) = make_possible(&mut renderer, &self.place.device()?, &scene, &mut options)?
+        {
             if !self.running.quiet {
                 say(&format!("note: {note}"));
             }

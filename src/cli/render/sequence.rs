@@ -311,8 +311,16 @@ mod tests {
     ) -> anyhow::Result<(Vec<f64>, Option<Nameless>)> {
         let gate = Mutex::new(());
         let frames = FrameList::range(1, 3).unwrap();
-        let sequence =
-            FrameOutput { frames: &frames, directory, stem: "a", format: PNG, display: Display::default(), resume, writes: true, gate: &gate };
+        let sequence = FrameOutput {
+            frames: &frames,
+            directory,
+            stem: "a",
+            format: PNG,
+            display: Display::default(),
+            resume,
+            writes: true,
+            gate: &gate,
+        };
         let mut scene = Scene::new([Object::new(Shape::default())]);
         (scene.image.width, scene.image.height) = (1, 1);
         let options =
