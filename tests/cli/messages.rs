@@ -46,7 +46,7 @@ fn a_model_is_rendered_without_a_scene() {
     std::fs::write(path("three.ply"), PLY).unwrap();
     let scene = "<scene><object><pointModel>three.ply</pointModel></object></scene>";
     std::fs::write(path("scene.xml"), scene).unwrap();
-    let options = ["--quiet", "--samples", "2", "--format", "exr", "--out"];
+    let options = ["--quiet", "--no-studio", "--samples", "2", "--format", "exr", "--out"];
     for (input, out) in [("three.ply", "a"), ("scene.xml", "b")] {
         let (input, out) = (path(input), path(out));
         let output = run(&[&["render", text(&input)], &options[..], &[text(&out)]].concat());

@@ -80,5 +80,5 @@ fn every_command_has_a_manual_page_with_all_its_options() {
         }
     }
     // Those of the commands, each under its full name.
-    assert_eq!(pages, 14 + usize::from(cfg!(feature = "viewer")));
+    assert_eq!(pages, 15 + usize::from(cfg!(feature = "viewer")));
 }
