@@ -65,11 +65,9 @@ const LAMPS: [[f64; 3]; 3] = [[-42.0, 48.0, 0.5], [55.0, 20.0, 0.14], [150.0, 42
 const GROUND: f64 = 5.0;
 /// Surfels of the ground from its middle to its edge.
 const RINGS: i32 = 48;
-/// Share of stray points at each end that neither framing nor the ground heeds, where points are not the corners of
-/// triangles.
-const STRAY: f64 = 0.005;
-/// The same for captures, as their core has it.
-const STRAY_OF_CAPTURE: f64 = 0.02;
+/// Share of stray points at each end that neither framing nor the ground heeds, of points at rest that are not the
+/// corners of triangles. Captures are cut to their core.
+const STRAY: f64 = 0.002;
 
 impl Scene {
     /// Puts a scene of models alone into a studio: camera, lights, background and ground. An object is unlit by its
@@ -219,10 +217,8 @@ fn disc(middle: DVec3, up: DVec3, radius: f64, colour: Vec3) -> Surfels {
 /// Share of points at each end that are strays.
 fn stray(object: &Object) -> f64 {
     match &object.shape {
-        Shape::Surfels { model, .. } if model.is_mesh() => 0.0,
-        Shape::Surfels { .. } => STRAY,
-        Shape::Gaussians { .. } => STRAY_OF_CAPTURE,
-        Shape::Volume { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => 0.0,
+        Shape::Surfels { model, .. } if !model.is_mesh() && model.paths().is_empty() => STRAY,
+        _ => 0.0,
     }
 }
 
