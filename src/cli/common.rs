@@ -435,7 +435,7 @@ impl Ready {
         if matches!(format, Format::Exr(_)) && !has_movie {
             images.display.refuse("PNG")?;
         }
-        let alone = images.alone.of(overrides, images.transparent);
+        let alone = images.alone.of(overrides.background, images.transparent);
         let loaded = running.load(&images.scene, overrides, alone, pool)?;
         let display = images.display.or(loaded.display());
         let LoadedScene { mut scene, notes, studio } = loaded;

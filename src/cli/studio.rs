@@ -4,13 +4,13 @@ use std::path::Path;
 
 use anyhow::bail;
 use clap::Args;
+use glam::DVec3;
 use splatblur::image::{Display, ViewTransform};
 use splatblur::options::RenderOptions;
 use splatblur::renderer::{Device, Renderer};
 use splatblur::scene::{Scene, Studio, StudioLight, StudioOptions};
 use splatblur::scene_file::Up;
 
-use super::common::Overrides;
 use super::values;
 
 /// How a model file is shown.
@@ -57,8 +57,8 @@ impl ModelAlone {
 
 impl StudioArgs {
     /// What is said of a model alone. `transparent`: without a background.
-    pub(super) fn of(&self, overrides: &Overrides, transparent: bool) -> ModelAlone {
-        let studio = StudioOptions { unlit: self.unlit, background: overrides.background, transparent };
+    pub(super) fn of(&self, background: Option<DVec3>, transparent: bool) -> ModelAlone {
+        let studio = StudioOptions { unlit: self.unlit, background, transparent };
         let given = self.unlit.map(|_| "--unlit").or(self.up.map(|_| "--up"));
         ModelAlone { studio: (!self.no_studio).then_some(studio), up: self.up.unwrap_or_default(), given }
     }

@@ -109,7 +109,7 @@ impl ViewCommand {
                 say("note: others on the network reach it too, and nothing is encrypted: see --listen in the help");
             }
         }
-        let alone = self.alone.of(&self.overrides, false);
+        let alone = self.alone.of(self.overrides.background, false);
         let load = || self.running.load(&self.scene, &self.overrides, alone, &pool);
         viewer.run(|| load().map_err(|why| format!("{why:#}")))
     }

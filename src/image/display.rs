@@ -261,7 +261,7 @@ mod tests {
     fn dithered_light_is_that_of_codes() {
         let display = Display { dither: true, view: ViewTransform::Agx, stops: 0.5 };
         let rgba: Vec<[f32; 4]> =
-            (0..4096).map(|i| [i as f32 / 1000.0, 0.3, i as f32 / 5000.0, (i % 7) as f32 / 6.0]).collect();
+            (0..4096).map(|i| [i as f32 / 1000.0, 0.3, i as f32 / 5000.0, (i % 6) as f32 / 5.0]).collect();
         let picture = Picture { width: 64, height: 64, rgba, layers: Vec::new() };
         for (bits, alpha) in [(Bits::Eight, false), (Bits::Eight, true), (Bits::Sixteen, true)] {
             let shown = display.shown(picture.clone(), bits, alpha);
