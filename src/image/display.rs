@@ -187,8 +187,8 @@ mod tests {
         }
     }
 
-    /// The same by Benjamin Wrensch ("Minimal AgX Implementation", 2023): matrices, and a polynomial that he fitted to
-    /// Sobotka's table, with a mean squared error of 3.7e-6 between codes of 0 and 1.
+    /// The same by Benjamin Wrensch ("Minimal `AgX` Implementation", 2023): matrices, and a polynomial that he fitted
+    /// to Sobotka's table, with a mean squared error of 3.7e-6 between codes of 0 and 1.
     #[test]
     fn agx_is_that_of_others() {
         let times = |m: [[f64; 3]; 3], v: [f64; 3]| m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);

@@ -326,7 +326,8 @@ fn framed(scene: &Scene) -> Option<Camera> {
     let [mut xs, mut ys] = [Vec::with_capacity(2 * points.len()), Vec::with_capacity(2 * points.len())];
     // Each round is exact but for the depth of the outline, which the distance changes little.
     for _ in 0..12 {
-        (xs.clear(), ys.clear());
+        xs.clear();
+        ys.clear();
         for &(point, radius) in &points {
             let p = point - at;
             let depth = distance - p.dot(out);
@@ -340,7 +341,7 @@ fn framed(scene: &Scene) -> Option<Camera> {
         let [bottom, top] = ends(&mut ys, strays)?;
         at += (right * (left + right_end) + above * (bottom + top)) * (0.5 * distance);
         let half = 0.5 * (right_end - left).max(top - bottom);
-        if !(half > 0.0) {
+        if half <= 0.0 || half.is_nan() {
             return None;
         }
         // The outline is nearer than the middle by less than the size.
