@@ -294,7 +294,9 @@ impl Running {
             let mut notes = vec![format!("{} is a model: took a scene of it alone, seen by {camera}", path.display())];
             notes.extend(loaded.studio.map(studio::in_words));
             if !self.quiet {
-                notes.iter().for_each(|note| say(&format!("note: {note}")));
+                for note in &notes {
+                    say(&format!("note: {note}"));
+                }
             }
             loaded.notes.extend(notes);
         }

@@ -23,7 +23,7 @@ use splatblur::movie::{Movie, MovieKind, MovieShape, Rate};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::plan::LAYERS;
 use splatblur::renderer::{FrameQueue, Renderer};
-use splatblur::scene::Scene;
+use splatblur::scene::{Scene, Studio};
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
 use self::blur::Blur;
@@ -140,17 +140,7 @@ impl Render {
         let mut renderer = Renderer::open(self.place.device()?)?;
         let Ready { scene, mut notes, frames, format, display, studio } =
             Ready::new(&self.images, self.movie.is_some(), &self.overrides, &self.running, &pool)?;
-        if studio.is_some_and(|studio| studio.ground) && options.look.shadows {
-            self.blur.spare(&mut options.quality);
-        }
-        if studio.is_some()
-            && let Some(note) = make_possible(&mut renderer, &self.place.device()?, &scene, &mut options)?
-        {
-            if !self.running.quiet {
-                say(&format!("note: {note}"));
-            }
-            notes.push(note);
-        }
+        self.suit_studio(studio, &mut renderer, &scene, &mut options, &mut notes)?;
         let load_seconds = start.elapsed().as_secs_f64();
         let backend_name = renderer.backend_name();
         if self.images.json {
@@ -205,16 +195,10 @@ impl Render {
             film.replace(path).with_context(|| format!("cannot write {}", path.display()))?;
         }
         if let Some(warning) = nothing.warning().filter(|_| finished.iter().all(|done| done.rendered.is_some())) {
-            if !self.running.quiet {
-                say(&format!("warning: {warning}"));
-            }
-            notes.push(warning);
+            self.tell("warning", warning, &mut notes);
         }
         if let Some(note) = left_out(&finished) {
-            if !self.running.quiet {
-                say(&format!("note: {note}"));
-            }
-            notes.push(note);
+            self.tell("note", note, &mut notes);
         }
 
         let movie = Sources {
@@ -244,6 +228,33 @@ impl Render {
             });
         }
         if self.running.quiet { Ok(()) } else { print(&self.conclusion(&finished, &movie, seconds)) }
+    }
+
+    /// Says a line, and keeps it for the report.
+    fn tell(&self, kind: &str, line: String, notes: &mut Vec<String>) {
+        if !self.running.quiet {
+            say(&format!("{kind}: {line}"));
+        }
+        notes.push(line);
+    }
+
+    /// Lets the picture of a model in a studio be made, and spares its samples.
+    fn suit_studio(
+        &self,
+        studio: Option<Studio>,
+        renderer: &mut Renderer,
+        scene: &Scene,
+        options: &mut RenderOptions,
+        notes: &mut Vec<String>,
+    ) -> anyhow::Result<()> {
+        let Some(studio) = studio else { return Ok(()) };
+        if studio.ground && options.look.shadows {
+            self.blur.spare(&mut options.quality);
+        }
+        if let Some(note) = make_possible(renderer, &self.place.device()?, scene, options)? {
+            self.tell("note", note, notes);
+        }
+        Ok(())
     }
 
     /// Begins the movie, if there is to be one, and notes what it cannot hold.
