@@ -165,8 +165,9 @@ impl Renderer {
     /// Can this device draw the shadows of this scene with these options? True where there are none.
     #[doc(hidden)]
     pub fn draws_shadows(&self, scene: &Scene, options: &RenderOptions) -> bool {
-        let has_them = matches!(self.kind, DeviceKind::Cpu { .. });
-        !has_shadows(scene, options) || has_them && check_shadows(scene, options).is_ok()
+        let is_swept = matches!(options.quality, Quality::Mode(BlurMode::Volumetric { .. }));
+        let has_them = matches!(self.kind, DeviceKind::Cpu { .. }) || !is_swept;
+        !has_shadows(scene, options) || has_them && check_shadows(scene).is_ok()
     }
 
     /// What renders, for people, as in `the CPU (8 threads; there is no hardware GPU)`.
