@@ -15,11 +15,11 @@ override TEXELS: u32 = 1u;
 
 // Slices of the depth before the camera. Two end at twice the depth at which they begin.
 const DEPTH_SLICES: u32 = 80u;
-// Words of what is known of a map. Six are about the receivers that it shows: greatest x and y on the plane of the view,
-// least ones, least depth, greatest distance from the light. They are as `key_of` makes them, upside down for what is
-// least, so that the greatest word wins; 0 where there are none. Then come the map's corner, its texel's edge, its
-// columns and rows, and its first texel. The first map of a view has the view's first slice that shows anything, too,
-// and the end of such slices; that of a light, whether any surfel covers very many texels.
+// Words of what is known of a map. Six are about the receivers that it shows: greatest x and y on the plane of the
+// view, least ones, least depth, greatest distance from the light. They are as `key_of` makes them, upside down for
+// what is least, so that the greatest word wins; 0 where there are none. Then come the map's corner, its texel's edge,
+// its columns and rows, and its first texel. The first map of a view has the view's first slice that shows anything,
+// too, and the end of such slices; that of a light, whether any surfel covers very many texels.
 const MAP_WORDS: u32 = 15u;
 const CORNER: u32 = 6u;
 const TEXEL: u32 = 8u;
@@ -103,7 +103,7 @@ fn depth_of(place: vec3<f32>) -> f32 {
 // The slice of a depth.
 fn slice_of(depth: f32) -> u32 {
     let times = depth / view.near;
-    // What is nearer is in the first.
+    // All nearer depths are in the first.
     if !(times > 1.0) { return 0u; }
     // The exponent of two, and whether the rest is above its root.
     let bits = bitcast<u32>(times);
@@ -116,7 +116,7 @@ fn maps_of(light: u32) -> u32 {
     return (view.number * SHADOW_LIGHTS + light) * (FACES * DEPTH_SLICES * MAP_WORDS + room());
 }
 
-// Texels of a light that there is room for. Twin: ShadowSizes::room of src/backend/gpu/shadows.rs.
+// Texels of a light that there is room for. Twin: ShadowSizes::room of src/backend/gpu/shadow_sizes.rs.
 fn room() -> u32 {
     return TEXELS + TEXELS / 32u + 4096u;
 }

@@ -1,7 +1,7 @@
 // Includes: shadows/posed
-// How a surfel is drawn onto the shadow maps of a light. A texel keeps the number, from 1, of the surfel that comes first
-// there, tolerance included; of two at the same distance that of the lower number. So the order of invocations does not
-// matter. Twin: ShadowMap::draw and Caster::of of src/backend/cpu/shadows/map.rs.
+// How a surfel is drawn onto the shadow maps of a light. A texel keeps the number, from 1, of the surfel that comes
+// first there, tolerance included; of two at the same distance that of the lower number. So the order of invocations
+// does not matter. Twin: ShadowMap::draw and Caster::of of src/backend/cpu/shadows/map.rs.
 
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
@@ -20,7 +20,7 @@ const BEYOND_FACE: f32 = 0.99;
 // direction.
 fn end_of(at: u32, ray: vec3<f32>) -> f32 {
     let first = casters[at];
-    // Of a point light the centre and the tolerance are 0, and m is turned.
+    // The centre and the tolerance are 0 for a point light, and its m is turned.
     return dot3(first.xyz, casters[at + 1u].xyz - ray) + first.w;
 }
 
@@ -59,7 +59,7 @@ fn stamp(index: u32, light: u32, texels: vec2<u32>, lane: u32, stride: u32) -> b
         let u = turned(of_light, disc.u);
         let v = turned(of_light, disc.v);
         if of_light.is_point {
-            // What is beside a face of the cube is on another.
+            // A disc beside a face of the cube is on another.
             let radius = sqrt(dot3(u, u) + dot3(v, v));
             let beside = max(abs(c.x), abs(c.y)) * BEYOND_FACE - c.z;
             if beside > 1.4142135 * radius || c.z <= -radius { continue; }
@@ -92,7 +92,7 @@ fn stamp(index: u32, light: u32, texels: vec2<u32>, lane: u32, stride: u32) -> b
                 let place = corner + (vec2<f32>(at) + 0.5) * texel;
                 if covers(c, u, v, place, of_light.is_point) {
                     var ray = of_light.x * place.x + of_light.y * place.y;
-                    // Of a ray from a point the plane's value is that of the ray turned round.
+                    // The value for a ray from a point is that of the ray turned round.
                     if of_light.is_point { ray = -(ray + of_light.along); }
                     offer(first_texel + at.y * size.x + at.x, light, number, ray);
                 }

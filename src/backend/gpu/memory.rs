@@ -1,7 +1,7 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
 use super::layout::{DIGIT_BITS, DeviceGaussian, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, stepped};
-use super::shadows::ShadowSizes;
+use super::shadow_sizes::ShadowSizes;
 use super::slots::Slot;
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
@@ -339,7 +339,7 @@ impl Schedule {
         };
         let least_map = map_of(1) * MAP_TILE_BYTES;
 
-        let shadows = ShadowSizes::of(frame, limits)?;
+        let shadows = ShadowSizes::of(frame, limits.bytes, limits.shadow_texels)?;
         let shadow_bytes = shadows.map_bytes() + shadows.caster_bytes();
 
         let needed = {

@@ -26,6 +26,7 @@ pub(super) mod prepared;
 pub(super) mod record;
 pub(super) mod recorder;
 pub(super) mod rounds;
+pub(super) mod shadow_sizes;
 pub(super) mod shadows;
 pub(super) mod slots;
 pub(super) mod steps;

@@ -8,7 +8,7 @@ use wgpu::{Buffer, BufferBinding, BufferSize};
 use super::layout::{DeviceGaussian, TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule, makes_rounds};
 use super::models::ModelBuffer;
-use super::shadows::{DRAWING, Extents, TURNS_OF_TEXEL};
+use super::shadow_sizes::{DRAWING, Extents, TURNS_OF_TEXEL};
 use super::slots::Slot;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;

@@ -11,7 +11,7 @@ use super::layout::{DIGIT_BITS, Totals, WORKGROUP_ITEMS, WORKGROUP_SURFELS};
 use super::memory::LONG;
 use super::passes::{Per, Program};
 use super::prepared::Prepared;
-use super::shadows::DRAWING;
+use super::shadow_sizes::DRAWING;
 use super::slots::Slot;
 use super::steps::{DevicePass, Kind, SHADOWS};
 use super::timestamps::{Marks, Stage};

@@ -5,8 +5,8 @@
 //! `paint_twins`, `sweep_twins`). Splats and lists are compared slot by slot (`slots`), floats with
 //! tolerances (`compare`). See-through surfels, captures and volumes are compared as whole frames, and Gaussians by the
 //! pass that projects them (`transparents`). What the groups of a position share is compared as whole frames, too
-//! (`shared_rest`), and so are shadows (`shadows`). The comparison must reject broken programs (`mutants`). Buffers that
-//! are too small must not show (`small_buffers`, `pictures`).
+//! (`shared_rest`), and so are shadows (`shadows`). The comparison must reject broken programs (`mutants`). Buffers
+//! that are too small must not show (`small_buffers`, `pictures`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 pub(super) mod captures;

@@ -15,20 +15,25 @@ use crate::renderer::render_checked;
 use crate::scene::{Light, Motion, Scene};
 use crate::time::FrameNumber;
 
-/// A disc that covers more texels than a workgroup takes, as a floor, and two balls, one of which moves.
+/// A disc that faces up.
+fn disc(radius: f32) -> Surfels {
+    let mut disc = Surfels::default();
+    disc.position.push(Vec3::ZERO);
+    disc.axis_u.push(radius * Vec3::Z);
+    disc.axis_v.push(radius * Vec3::X);
+    disc.normal.push(Vec3::Y);
+    disc.colour.push(Vec3::ONE);
+    disc
+}
+
+/// A disc as the floor, and two balls, one of which moves.
 fn balls() -> Scene {
-    let mut floor = Surfels::default();
-    floor.position.push(Vec3::ZERO);
-    floor.axis_u.push(6.0 * Vec3::Z);
-    floor.axis_v.push(6.0 * Vec3::X);
-    floor.normal.push(Vec3::Y);
-    floor.colour.push(Vec3::ONE);
     let mut moving = object(ball(900, 1, true), DVec3::new(-0.6, 0.0, -1.5));
     moving.transform.scale = DVec3::splat(0.6);
     moving.motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.2) }];
     let mut still = object(ball(2000, 2, false), DVec3::new(0.6, 0.1, -2.0));
     still.transform.scale = DVec3::splat(0.7);
-    let mut scene = scene(vec![object(floor, DVec3::new(0.0, -0.8, -2.0)), moving, still], [96, 72]);
+    let mut scene = scene(vec![object(disc(6.0), DVec3::new(0.0, -0.8, -2.0)), moving, still], [96, 72]);
     scene.camera.eye = DVec3::new(0.0, 1.5, 2.0);
     scene.camera.at = DVec3::new(0.0, -0.3, -1.8);
     scene
@@ -53,8 +58,12 @@ fn cases() -> Vec<Case> {
         case("surfels", &[fill, sun, lamp], Shading::Gouraud, Prefilter::None),
         case("filtered", &[lamp, fill, sun], Shading::Phong, Prefilter::Ewa),
         case("glass", &[sun, lamp], Shading::Phong, Prefilter::None),
+        case("wide", &[sun], Shading::Phong, Prefilter::None),
     ];
     cases[5].scene.objects[1].opacity = 0.5;
+    // Its shadow has more texels than a workgroup takes.
+    cases[6].scene.objects[1] = object(disc(0.9), DVec3::new(0.3, 0.1, -1.8));
+    (cases[6].scene.image.width, cases[6].scene.image.height) = (240, 180);
     cases
 }
 
@@ -88,21 +97,21 @@ static MUTANTS: [Mutant; 20] = [
     ([("end < others", "end > others")], "sun"),
     ([("there, number + 1u)", "there, number)")], "sun"),
     ([("max(segment.epsilon, rounding) / cosine", "0.0 / cosine")], "sun"),
-    ([("a * a + b * b <= 1.0", "a * a + b * b <= 0.8")], "sun"),
+    ([("a * a + b * b <= 1.0", "a * a + b * b <= 0.8")], "wide"),
     ([("a * a + b * b <= w * w", "a * a + b * b <= 0.8 * w * w")], "lamp"),
     ([("select(4u, 5u, p.z < 0.0)", "select(5u, 4u, p.z < 0.0)")], "lamp"),
     ([("plane.w + rounding >= 0.0", "rounding >= 0.0")], "sun"),
     ([("1.0 + tolerance / distance", "1.0 - tolerance / distance")], "lamp"),
     ([("it.low - of_light.jitter * texel", "it.low - 9.0 * of_light.jitter * texel")], "sun"),
     ([("vec2<u32>(FEW, MANY), lane", "vec2<u32>(FEW, FEW), lane")], "both"),
-    ([("vec2<u32>(MANY, room())", "vec2<u32>(MANY, MANY)")], "glass"),
+    ([("vec2<u32>(MANY, room())", "vec2<u32>(MANY, MANY)")], "wide"),
     ([("lights[slice_at(light, face, slice)]", "lights[slice_at(light, face, 0u)]")], "sun"),
     ([("(view.number * SHADOW_LIGHTS + light) * view.casters", "light * view.casters")], "sun"),
     ([("(view.number * SHADOW_LIGHTS + light) * (FACES", "light * (FACES")], "sun"),
     ([("u32(light.colour.w) - 1u, place", "0u, place")], "both"),
     ([("(number % LIGHTS_OF_MASK)) & 1u", "((number + 1u) % LIGHTS_OF_MASK)) & 1u")], "surfels"),
     ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "surfels"),
-    ([("-dot3(view.camera[1].xyz, centre)", "dot3(view.camera[1].xyz, centre)")], "filtered"),
+    ([("at - high * depth > radius", "at - high * depth > -9.0 * radius")], "sun"),
     ([("normal.z * towards.z > 0.0", "normal.z * towards.z > 0.3")], "both"),
     ([("(2u + DEPTH_SLICES) * (light * FACES + face)", "(2u + DEPTH_SLICES) * (light * FACES)")], "lamp"),
 ];

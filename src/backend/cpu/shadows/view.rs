@@ -35,6 +35,7 @@ impl LightView {
     }
 
     /// The rotation from axes of the world, and where rays start; see the fields.
+    #[cfg(feature = "gpu")]
     pub(in crate::backend) const fn pose(&self) -> (Mat3, Vec3) {
         (self.axes, self.origin)
     }

@@ -33,7 +33,7 @@ use crate::backend::gpu::layout::{
 };
 use crate::backend::gpu::memory::MASKS;
 use crate::backend::gpu::passes::Variant;
-use crate::backend::gpu::shadows::{DRAWING, LIGHTS_OF_MASK, MAP_WORDS};
+use crate::backend::gpu::shadow_sizes::{DRAWING, LIGHTS_OF_MASK, MAP_WORDS};
 use crate::environment::cube::{DEVIATION, LAST_FACE};
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::Blocks;
