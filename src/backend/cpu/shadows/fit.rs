@@ -15,8 +15,6 @@ pub(in crate::backend) const SLICES: usize = 80;
 /// Most texels of a side of a map.
 pub(in crate::backend) const MOST_SIDE: f64 = 65_000.0;
 
-/// Greatest radius of a run that is fitted as a whole, pixels.
-const SMALL: f32 = 16.0;
 /// What pixels show of a surfel reaches beyond it: factor on how much farther behind the ground its edge is.
 const SLACK: f32 = 1.5;
 
@@ -137,36 +135,28 @@ impl Fit {
         let weights: Vec<_> = seen_runs.iter().map(|run| (*run, weight(run))).collect();
         let plane = Ground::vote(&weights);
         let grounds: Vec<_> = views.iter().map(|view| Ground::seen_by(view, plane)).collect();
-        // Something that the camera sees receives shadows: how far it is behind the ground depends on the view.
-        let receive = |seen: &mut [Seen], centre: Vec3, radius: f32, half: &dyn Fn(usize) -> f32| {
-            let depth = depth(centre);
-            let (from, to) = ((depth - radius).max(frame.near), depth + radius);
-            for (number, view) in views.iter().enumerate() {
-                let place = view.place(centre);
-                let Some(shown) = on_view(view, place, radius) else { continue };
-                let [_, behind] = grounds[number].behind(place, radius, half(number));
-                for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
-                    let at = number * SLICES + slice;
-                    let nearest = from.max(slices[at].start);
-                    if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
-                        seen[at] = seen[at].and(shown);
-                        cells[at].receive(shown.bounds, behind);
-                    }
-                }
-            }
-        };
         let of_run = |mut seen: Vec<Seen>, run: &&Run<'_>| {
-            // A small one is like a surfel.
-            let nearest = depth(run.middle) - run.reach;
-            if nearest > frame.near && run.reach * raster.focal <= SMALL * nearest {
-                receive(&mut seen, run.middle, run.reach, &|view| SLACK * grounds[view].of_box(run.half));
-                return seen;
-            }
             let by_view: Vec<_> = views.iter().map(|view| run.seen_by(view)).collect();
             for i in 0..run.len {
                 let (centre, radius) = (run.centre(i), run.radius(i));
-                if sees(centre, radius) {
-                    receive(&mut seen, centre, radius, &|view| SLACK * grounds[view].of_disc(by_view[view].axes(i)));
+                if !sees(centre, radius) {
+                    continue;
+                }
+                let depth = depth(centre);
+                let (from, to) = ((depth - radius).max(frame.near), depth + radius);
+                for (number, view) in views.iter().enumerate() {
+                    let place = view.place(centre);
+                    let Some(shown) = on_view(view, place, radius) else { continue };
+                    let half = SLACK * grounds[number].of_disc(by_view[number].axes(i));
+                    let [_, behind] = grounds[number].behind(place, radius, half);
+                    for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
+                        let at = number * SLICES + slice;
+                        let nearest = from.max(slices[at].start);
+                        if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
+                            seen[at] = seen[at].and(shown);
+                            cells[at].receive(shown.bounds, behind);
+                        }
+                    }
                 }
             }
             seen
