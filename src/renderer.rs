@@ -13,7 +13,7 @@ use crate::files;
 use crate::film::{Aov, Layer, Picture};
 use crate::frame::Frame;
 use crate::objects;
-use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
+use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions, Shading};
 use crate::plan::Exposure;
 use crate::reconstruct;
 use crate::scene::{BlockErrors, Cut, CutTolerance, Object, Scene, Shape};
@@ -167,7 +167,7 @@ impl Renderer {
     pub fn draws_shadows(&self, scene: &Scene, options: &RenderOptions) -> bool {
         let is_swept = matches!(options.quality, Quality::Mode(BlurMode::Volumetric { .. }));
         let has_them = matches!(self.kind, DeviceKind::Cpu { .. }) || !is_swept;
-        !has_shadows(scene, options) || has_them && check_shadows(scene).is_ok()
+        !has_shadows(scene, options) || has_them && check_shadows(scene, options).is_ok()
     }
 
     /// What renders, for people, as in `the CPU (8 threads; there is no hardware GPU)`.
@@ -383,7 +383,14 @@ fn has_shadows(scene: &Scene, options: &RenderOptions) -> bool {
 }
 
 /// Refuses what has no shadows.
-fn check_shadows(scene: &Scene) -> Result<(), BackendError> {
+fn check_shadows(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
+    // Surfels are shaded where they are at their own times, and maps are those of the middle.
+    if let (Shading::Gouraud, Quality::Mode(BlurMode::Bucket { samples: 2.., .. })) =
+        (options.look.shading, options.quality)
+    {
+        let what = "shading `gouraud` in buckets of several samples has";
+        return Err(BackendError::Shadows { what, instead: "shading `phong`" });
+    }
     if !scene.camera.rests() && scene.objects.iter().any(|object| !object.blur) {
         let what = "`blur=\"false\"` before a camera that moves has";
         return Err(BackendError::Shadows { what, instead: "a camera that rests" });
@@ -402,7 +409,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
         return Err(BackendError::RollingShutter);
     }
     if has_shadows(scene, options) {
-        check_shadows(scene)?;
+        check_shadows(scene, options)?;
     }
     let transparent = |object: &&Object| object.shape.is_composited() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);

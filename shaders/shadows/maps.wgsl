@@ -40,7 +40,7 @@ struct LightView {
     is_point: bool,
 }
 
-// The first element of view `face` of light `light`.
+// The first element of view `face` of light `light`. They come after the lights of the group's middle sample.
 fn view_at(light: u32, face: u32) -> u32 {
     return view.first_light + view.lights + (2u + DEPTH_SLICES) * (light * FACES + face);
 }

@@ -339,6 +339,13 @@ fn shadows_do_not_depend_on_threads_and_memory() {
 fn what_has_no_shadows_refuses_them(on: &mut dyn Backend) {
     let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
     scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
+    // Surfels of a bucket are shaded at their own times.
+    let look = Look { shading: Shading::Gouraud, ..Look::default() };
+    for (mode, is_refused) in [("bucket:2x1", false), ("bucket:2x4", true)] {
+        let options = RenderOptions { quality: mode.parse().unwrap(), look: look.clone(), ..RenderOptions::default() };
+        let frame = render_frame(on, &scene, 0, &options);
+        assert_eq!(matches!(frame, Err(BackendError::Shadows { .. })), is_refused, "{mode}: {frame:?}");
+    }
     scene.objects[0].blur = false;
     render(on, &scene, &samples(1));
     scene.camera.motions = vec![Motion::Linear { velocity: DVec3::X }];

@@ -2,12 +2,13 @@
 //! Twin: `src/backend/cpu/shadows/`.
 
 use super::job::Job;
-use super::layout::{Light, Segment};
+use super::layout::{Light, Segment, lights};
 use crate::backend::cpu::shadows::fit::Slice;
 use crate::backend::cpu::shadows::jitter;
 use crate::backend::cpu::shadows::view::LightView;
 
-/// How lights with shadows see at the sample of a group, as `shaders/shadows/maps.wgsl` has it: as many views of each.
+/// The lights of the middle sample of a group, and then how those with shadows see, as `shaders/shadows/maps.wgsl` has
+/// it: as many views of each. Nothing where none has shadows.
 pub(in crate::backend) fn light_views(job: &Job<'_>) -> Vec<Light> {
     let prepared = job.place.prepared;
     let faces = prepared.schedule.shadows.faces as usize;
@@ -17,7 +18,7 @@ pub(in crate::backend) fn light_views(job: &Job<'_>) -> Vec<Light> {
         return Vec::new();
     }
     let extent = prepared.extents.at(prepared.frame, sample);
-    let mut out = Vec::new();
+    let mut out = lights(std::slice::from_ref(sample));
     for (number, light) in (0..).zip(&sample.lights) {
         let Some(views) = LightView::of(light, sample.world_from_camera.x_axis, extent) else { continue };
         let [x, y] = jitter(sample, number);

@@ -69,6 +69,8 @@ pub(in crate::backend) struct Upload {
 struct OfGroup {
     segment: u32,
     light: u32,
+    /// The lights that shadows are asked for, before the views of those that have some.
+    shadowed: Option<u32>,
     moment: u32,
 }
 
@@ -142,9 +144,11 @@ impl Upload {
         let posed: usize = batches.iter().map(|batch| batch.segments.len()).sum();
         self.segments.resize(self.segments.len() + posed, Segment::zeroed());
         let light = self.add_lights(&job.group.samples);
-        self.lights.extend(light_views(job));
+        let views = light_views(job);
+        let shadowed = (!views.is_empty()).then_some(self.lights.len() as u32);
+        self.lights.extend(views);
         self.moments.extend(job.interval.iter().flat_map(|interval: &&PosedInterval| interval.moments));
-        OfGroup { segment, light, moment }
+        OfGroup { segment, light, shadowed, moment }
     }
 
     /// Places a group that is cut into batches, which come one after the other.
@@ -185,7 +189,7 @@ impl Upload {
                 rest,
                 first_turn,
                 last_turn: batch.last_turn,
-                first_light: of_group.light + own.first_light,
+                first_light: of_group.shadowed.unwrap_or(of_group.light + own.first_light),
                 views: placed.views,
                 number: number as u32,
                 // What something transparent is laid over has a picture of its own.

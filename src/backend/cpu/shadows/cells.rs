@@ -116,7 +116,7 @@ pub(super) struct Cells {
 impl Cells {
     /// Cells of a rectangle: least and greatest x, then y.
     pub(super) fn new(bounds: [[f32; 2]; 2]) -> Self {
-        let scale = bounds.map(|[low, high]| SIDE as f32 / (high - low));
+        let scale = bounds.map(|[low, high]| if high > low { SIDE as f32 / (high - low) } else { 0.0 });
         Self { first: bounds.map(|[low, _]| low), scale, behind: OnceLock::new() }
     }
 
@@ -125,8 +125,12 @@ impl Cells {
         let mut touched = [[0; 2]; 2];
         for c in 0..2 {
             let [low, high] = bounds[c].map(|end| (end - self.first[c]) * self.scale[c]);
-            if !(low <= SIDE as f32 && high >= 0.0) {
+            if low > SIDE as f32 || high < 0.0 {
                 return None;
+            }
+            if low.is_nan() || high.is_nan() {
+                touched[c] = [0, SIDE - 1];
+                continue;
             }
             touched[c] = [low, high].map(|end| (end.max(0.0) as usize).min(SIDE - 1));
         }
@@ -147,7 +151,7 @@ impl Cells {
     /// Is all that receives shadows within a rectangle before something that lies so far behind the ground at the
     /// least?
     pub(super) fn hides(&self, bounds: [[f32; 2]; 2], behind: f32) -> bool {
-        let Some([[left, right], [top, bottom]]) = self.touched(bounds) else { return !bounds[0][0].is_nan() };
+        let Some([[left, right], [top, bottom]]) = self.touched(bounds) else { return true };
         let Some(cells) = self.behind.get() else { return true };
         let behind = if behind.is_finite() { key(behind) } else { 1 };
         let rows = cells.chunks_exact(SIDE).take(bottom + 1).skip(top);

@@ -15,6 +15,9 @@ pub(in crate::backend) const SLICES: usize = 80;
 /// Most texels of a side of a map.
 pub(in crate::backend) const MOST_SIDE: f64 = 65_000.0;
 
+/// Times that texels grow until all fit, and the factor.
+const MOST_TRIES: usize = 100;
+const GROWTH: f64 = 1.02;
 /// What pixels show of a surfel reaches beyond it: factor on how much farther behind the ground its edge is.
 const SLACK: f32 = 1.5;
 
@@ -129,7 +132,9 @@ impl Fit {
             reaches && !outside(0) && !outside(1) && is_wanted(at, depth, radius)
         };
         let cells: Vec<_> = slices.iter().map(|slice| Cells::new(slice.bounds)).collect();
-        let seen_runs: Vec<_> = runs.iter().filter(|run| sees(run.middle, run.reach)).collect();
+        // One surfel that is far away makes a run too large for numbers.
+        let may_see = |run: &&Run<'_>| !run.reach.is_finite() || sees(run.middle, run.reach);
+        let seen_runs: Vec<_> = runs.iter().filter(may_see).collect();
         let depth = |place: Vec3| -(camera * place).z;
         let weight = |run: &Run<'_>| (run.reach / depth(run.middle).max(frame.near)).powi(2);
         let weights: Vec<_> = seen_runs.iter().map(|run| (*run, weight(run))).collect();
@@ -180,15 +185,31 @@ impl Fit {
             (x + LANES as f64) * y
         };
         let some = self.seen.iter().filter(|seen| seen.nearest < f32::INFINITY);
-        let coarser = (some.map(texels).sum::<f64>() / most).sqrt().max(1.0);
+        let mut coarser = (some.clone().map(texels).sum::<f64>() / most).sqrt().max(1.0);
+        // What maps have beside their extents may be too much.
+        let room = most * (1.0 + 1.0 / 32.0) + 4096.0;
+        let size = |seen: &Seen, coarser: f64| {
+            let extents = extents(seen);
+            let texel = extents.into_iter().fold(fine(seen) * coarser, |texel, extent| texel.max(extent / MOST_SIDE));
+            (texel, extents.map(|extent| (extent / texel) as usize + 2))
+        };
+        for _ in 0..MOST_TRIES {
+            let of = |seen: &Seen| {
+                let [columns, rows] = size(seen, coarser).1;
+                columns as f64 * rows as f64
+            };
+            if some.clone().map(of).sum::<f64>() <= room {
+                break;
+            }
+            coarser *= GROWTH;
+        }
         let area = |seen: &Seen| {
             if seen.nearest == f32::INFINITY {
                 return MapArea::default();
             }
-            let extents = extents(seen);
-            let texel = extents.into_iter().fold(fine(seen) * coarser, |texel, extent| texel.max(extent / MOST_SIDE));
+            let (texel, size) = size(seen, coarser);
             let first = [0, 1].map(|c: usize| (f64::from(seen.bounds[c][0]) - f64::from(jitter[c]) * texel) as f32);
-            MapArea { first, texel: texel as f32, size: extents.map(|extent| (extent / texel) as usize + 2) }
+            MapArea { first, texel: texel as f32, size }
         };
         self.seen.iter().map(area).collect()
     }

@@ -142,11 +142,11 @@ impl Onto<'_> {
 }
 
 impl Caster {
-    /// Surfel `i` of a run; `None` where no shadow of it is seen. It casts with both sides, whichever of them shows,
-    /// but for the backs of a closed model: they lie behind its fronts.
+    /// Surfel `i` of a run; `None` where no shadow of it is seen. It casts with both sides, whichever of them
+    /// shows: each sheet has a shadow, and the backs of a closed model lie behind its fronts.
     fn of(run: &SeenRun<'_>, i: usize, on: &Onto<'_>) -> Option<Self> {
         let Onto { area, view, ground, .. } = on;
-        let c = run.caster(i)?;
+        let c = run.centre(i);
         let [u, v] = run.axes(i);
         // What is beside a face of the cube is on another.
         let radius = (u.length_squared() + v.length_squared()).sqrt();

@@ -7,16 +7,12 @@ use rayon::prelude::*;
 
 use super::view::LightView;
 use crate::backend::clusters::{CLUSTER_SURFELS, Cluster, Clusters};
-use crate::frame::{Frame, FrameObject, PosedObject, PosedSample};
+use crate::frame::{Frame, PosedObject, PosedSample};
 use crate::model::Surfels;
 use crate::model::paths::Paths;
 
 /// Most surfels of a run.
 pub(super) const RUN: usize = CLUSTER_SURFELS;
-
-/// Cosine between a closed model's outer side and the light below which a surfel casts nothing that fronts do not.
-/// Those that are nearer to its outline reach beyond it.
-const BACK: f32 = -0.25;
 
 /// Some surfels of an opaque object at a time sample.
 pub(super) struct Run<'a> {
@@ -36,8 +32,6 @@ pub(super) struct Run<'a> {
     stretch: f32,
     /// About their mean normal, world axes; 0 where they are not flat.
     pub normal: Vec3,
-    /// Does it hide its backs, and are they behind its fronts from everywhere?
-    is_closed: bool,
 }
 
 impl<'a> Run<'a> {
@@ -45,23 +39,21 @@ impl<'a> Run<'a> {
     pub(super) fn all(frame: &'a Frame, sample: &'a PosedSample, clusters: &[Arc<Clusters>]) -> Vec<Self> {
         let of = |is_static| frame.visible_surfels(sample, is_static, false);
         let runs = of(true).chain(of(false)).flat_map(|(index, model)| {
-            let object = &frame.objects[index];
             let (posed, paths, clusters) = (&sample.objects[index], model.paths(), clusters.get(index));
             (0..model.surfels().len()).step_by(RUN).map(move |first| {
                 let known = clusters.filter(|_| paths.is_empty()).and_then(|clusters| clusters.get(first / RUN));
-                (object, posed, model.surfels(), paths, first, known)
+                (posed, model.surfels(), paths, first, known)
             })
         });
         let runs: Vec<_> = runs.collect();
         let of = |run| {
-            let (object, posed, surfels, paths, first, known): (&FrameObject, _, &'a Arc<Surfels>, _, _, _) = run;
-            Self::of(object, posed, surfels, paths, first, known)
+            let (posed, surfels, paths, first, known): (_, &'a Arc<Surfels>, _, _, _) = run;
+            Self::of(posed, surfels, paths, first, known)
         };
         runs.into_par_iter().map(of).collect()
     }
 
     fn of(
-        object: &FrameObject,
         posed: &'a PosedObject,
         surfels: &'a Surfels,
         paths: Paths<'a>,
@@ -90,7 +82,6 @@ impl<'a> Run<'a> {
             reach: half.length(),
             stretch: stretch.sqrt(),
             normal: normal.normalize_or_zero(),
-            is_closed: !object.two_sided && !surfels.two_sided,
         }
     }
 
@@ -119,17 +110,7 @@ impl<'a> Run<'a> {
     /// The surfels as `view` shows them.
     pub(super) fn seen_by<'b>(&'b self, view: &LightView) -> SeenRun<'b> {
         let object = self.object;
-        let light = view.light();
-        let from_world = object.world_from_model.inverse();
-        // Where light comes from: a place in the model, or a direction.
-        let light = from_world * if view.is_point { light - object.world_origin } else { light };
-        SeenRun {
-            run: self,
-            from_model: view.turn(object.world_from_model),
-            origin: view.place(object.world_origin),
-            light: (self.is_closed && light.is_finite()).then_some(light),
-            is_point: view.is_point,
-        }
+        SeenRun { run: self, from_model: view.turn(object.world_from_model), origin: view.place(object.world_origin) }
     }
 }
 
@@ -138,25 +119,12 @@ pub(super) struct SeenRun<'a> {
     pub run: &'a Run<'a>,
     from_model: Mat3,
     origin: Vec3,
-    /// Where light comes from, in the model; `None` where both sides cast.
-    light: Option<Vec3>,
-    is_point: bool,
 }
 
 impl SeenRun<'_> {
-    /// Centre of surfel `i`, in the view's axes; `None` if the surfel casts nothing that others do not.
-    pub(super) fn caster(&self, i: usize) -> Option<Vec3> {
-        let place = self.run.in_model(i);
-        if let Some(light) = self.light {
-            let [u, v] = self.run.axes(i);
-            let towards = if self.is_point { light - place } else { light };
-            let normal = u.cross(v);
-            let along = normal.dot(towards);
-            if along < 0.0 && along * along > BACK * BACK * normal.length_squared() * towards.length_squared() {
-                return None;
-            }
-        }
-        Some(self.from_model * place + self.origin)
+    /// Centre of surfel `i`, in the view's axes.
+    pub(super) fn centre(&self, i: usize) -> Vec3 {
+        self.from_model * self.run.in_model(i) + self.origin
     }
 
     /// Axes of surfel `i`, in those of the view.

@@ -10,14 +10,12 @@ use crate::options::{BlurMode, RenderOptions};
 use crate::scene::{Camera, Light, Object, Scene};
 
 /// Discs at places, with these normals, of one radius.
-fn discs(of: impl Iterator<Item = (DVec3, DVec3)>, radius: f32, two_sided: bool) -> Object {
+fn discs(of: impl Iterator<Item = (DVec3, DVec3)>, radius: f32) -> Object {
     let (places, normals): (Vec<_>, Vec<_>) = of.unzip();
     let radii = vec![radius; places.len()];
     let surfels = Surfels::builder(places).normals(normals.into_iter().map(|normal| normal.as_vec3())).radii(radii);
     let (surfels, _) = surfels.build().unwrap();
-    let mut object = Object::new(surfels.spatially_ordered());
-    object.shape.surface_mut().unwrap().two_sided = two_sided;
-    object
+    Object::new(surfels.spatially_ordered())
 }
 
 /// A floor of 8 x 8 with 6,400 surfels, about along `up`.
@@ -25,17 +23,17 @@ fn floor(up: DVec3) -> Object {
     let (right, far) = up.any_orthonormal_pair();
     let at = |i: usize| 0.1 * (i as f64 - 39.5);
     let places = (0..6400).map(|i| right * at(i % 80) + far * at(i / 80));
-    discs(places.map(|place| (place, up)), 0.1, true)
+    discs(places.map(|place| (place, up)), 0.1)
 }
 
 /// A ball of 3,000 surfels, one above the middle of the floor.
-fn ball(up: DVec3, two_sided: bool) -> Object {
+fn ball(up: DVec3) -> Object {
     let place = |i: usize| {
         let z = 1.0 - (2 * i + 1) as f64 / 3000.0;
         let angle = 2.399_963_229_728_653 * i as f64;
         (1.0 - z * z).sqrt() * DVec3::new(angle.cos(), angle.sin(), 0.0) + DVec3::Z * z
     };
-    discs((0..3000).map(|i| (up + 0.5 * place(i), place(i))), 0.03, two_sided)
+    discs((0..3000).map(|i| (up + 0.5 * place(i), place(i))), 0.03)
 }
 
 /// Surfels on all maps of a light, each as often as it is on one.
@@ -60,19 +58,10 @@ fn a_floor_is_not_drawn() {
         for light in lights {
             let of = |objects| casters(objects, light, up);
             assert_eq!(of(vec![floor(up)]), 0, "{light:?}");
-            let [with, alone] = [of(vec![floor(up), ball(up, false)]), of(vec![ball(up, false)])];
+            let [with, alone] = [of(vec![floor(up), ball(up)]), of(vec![ball(up)])];
             // The ball alone casts shadows on itself.
             assert!(with >= 1000, "{light:?}: {with}");
             assert!(alone <= with, "{light:?}: {alone} for {with}");
         }
     }
-}
-
-#[test]
-fn backs_of_closed_models_are_not_drawn() {
-    let light = Light::directional(-DVec3::Y, DVec3::ONE);
-    let of = |two_sided| casters(vec![floor(DVec3::Y), ball(DVec3::Y, two_sided)], light, DVec3::Y);
-    let [closed, open] = [of(false), of(true)];
-    // Half of them, and those up to a cosine of -1/4.
-    assert!((0.55 * open as f64..=0.7 * open as f64).contains(&(closed as f64)), "{closed} of {open}");
 }

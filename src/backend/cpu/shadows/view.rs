@@ -88,11 +88,6 @@ impl LightView {
         self.axes * map
     }
 
-    /// Where light comes from: the place where rays start, or the direction towards it.
-    pub(super) fn light(&self) -> Vec3 {
-        if self.is_point { self.origin } else { -self.axes.transpose().z_axis }
-    }
-
     /// Half the size of a box of the world, in the view's axes.
     pub(super) fn extent(&self, half: Vec3) -> Vec3 {
         self.axes.abs() * half
