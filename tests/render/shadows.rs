@@ -143,7 +143,7 @@ fn a_half_plane_under_a_wide_light(on: &mut dyn Backend) {
 /// A ball flies through the light of a point: each place of the floor is dark for the time in which its ray to the
 /// light meets the ball.
 fn a_moving_ball(on: &mut dyn Backend) {
-    moving_ball(on, &["supersample:256", "bucket:64x2"]);
+    moving_ball(on, &["supersample:256", "bucket:128x2"]);
 }
 
 fn moving_ball(on: &mut dyn Backend, modes: &[&str]) {
@@ -201,7 +201,7 @@ fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
 }
 
 fn own_shadow(on: &mut dyn Backend, mode: &str) {
-    let mut scene = from_above(vec![square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.02)], [96, 64]);
+    let mut scene = from_above(Vec::new(), [96, 64]);
     let mut model = sphere(4000);
     let small = |v: &mut Vec3| *v *= 0.15;
     model.position.iter_mut().for_each(small);
