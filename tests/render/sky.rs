@@ -5,7 +5,6 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3};
-use splatblur::backend::BackendError;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::environment::{Environment, LatLong};
