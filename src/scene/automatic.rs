@@ -211,7 +211,7 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
 }
 
 /// Box around all visible objects at all times of the scene's frames, shutter included.
-pub(super) fn swept_bounds(scene: &Scene) -> Bounds {
+fn swept_bounds(scene: &Scene) -> Bounds {
     // Four poses a frame, within a total that stays well under a second.
     const MOST_POSES: usize = 200_000;
     let [from, _] = scene.shutter.whole_exposure(scene.frames.first as f64);

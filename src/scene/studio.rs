@@ -3,7 +3,7 @@
 
 use glam::{DMat4, DVec3, Vec3};
 
-use super::automatic::{Grid, swept_bounds, upwards};
+use super::automatic::{Grid, upwards};
 use super::model::SurfelModel;
 use super::pose::object_pose;
 use super::shape::Shape;
@@ -117,15 +117,12 @@ impl Scene {
 
     /// A disc below all objects, of the colour that the lamps make the background. `None` where it has no place.
     fn ground(&self, up: DVec3) -> Option<Object> {
-        let bounds = swept_bounds(self);
+        let points = Points::of(self);
+        let [x, y, z] = [points.along(DVec3::X)?, points.along(DVec3::Y)?, points.along(DVec3::Z)?];
+        let bounds = Bounds { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) };
         let radius = 0.5 * bounds.size().length();
-        let mut heights = Vec::new();
-        let mut strays = 0.0;
-        for object in self.objects.iter().filter(|object| !is_ground(object)) {
-            strays = f64::max(strays, stray(object));
-            for_each_point(self, object, |point, _| heights.push(point.dot(up)));
-        }
-        let [low, _] = ends(&mut heights, strays)?;
+        let mut heights: Vec<f64> = points.all.iter().map(|(point, _)| point.dot(up)).collect();
+        let [low, _] = ends(&mut heights, points.strays)?;
         // A gap that is not seen, so that a flat bottom is not in the ground.
         let low = low - 1e-3 * radius;
         let centre = bounds.centre();
@@ -231,6 +228,35 @@ fn ends(values: &mut [f64], strays: f64) -> Option<[f64; 2]> {
     Some([low, high])
 }
 
+/// What a studio goes by.
+struct Points {
+    /// The points of all objects but the ground, in the world, at all times that count, and their radii.
+    all: Vec<(DVec3, f64)>,
+    /// Share of them at each end that are strays.
+    strays: f64,
+}
+
+impl Points {
+    fn of(scene: &Scene) -> Self {
+        let (mut all, mut strays) = (Vec::new(), 0.0);
+        for object in scene.objects.iter().filter(|object| !is_ground(object)) {
+            strays = f64::max(strays, stray(object));
+            for_each_point(scene, object, |point, radius| all.push((point, radius)));
+        }
+        Self { all, strays }
+    }
+
+    /// Where they begin and end along an axis, strays left out.
+    fn along(&self, axis: DVec3) -> Option<[f64; 2]> {
+        let mut values: Vec<f64> = self.all.iter().flat_map(|&(p, radius)| span(p.dot(axis), radius)).collect();
+        ends(&mut values, self.strays)
+    }
+}
+
+fn span(middle: f64, radius: f64) -> [f64; 2] {
+    [middle - radius, middle + radius]
+}
+
 /// Calls `each` with the points of an object in the world and their radii, at all times that count: corners of
 /// triangles, else centres of surfels, Gaussians or kernels.
 fn for_each_point(scene: &Scene, object: &Object, mut each: impl FnMut(DVec3, f64)) {
@@ -307,14 +333,12 @@ fn framed(scene: &Scene) -> Option<Camera> {
     let right = up.cross(out).normalize();
     let above = out.cross(right);
 
-    let mut points = Vec::new();
-    let mut strays = 0.0;
-    for object in scene.objects.iter().filter(|object| !is_ground(object)) {
-        strays = f64::max(strays, stray(object));
-        for_each_point(scene, object, |point, radius| points.push((point, radius)));
-    }
-    let bounds: Bounds = points.iter().map(|(point, _)| *point).collect();
-    let size = 0.5 * bounds.size().length() + points.iter().map(|(_, radius)| *radius).fold(0.0, f64::max);
+    let mut points = Points::of(scene);
+    let [x, y, z] = [points.along(right)?, points.along(above)?, points.along(out)?];
+    // A stray before or behind the others would be near the middle of the picture: no share of its ends.
+    points.all.retain(|&(point, radius)| point.dot(out) + radius >= z[0] && point.dot(out) - radius <= z[1]);
+    let size = 0.5 * DVec3::new(x[1] - x[0], y[1] - y[0], z[1] - z[0]).length();
+    let centre = 0.5 * (right * (x[0] + x[1]) + above * (y[0] + y[1]) + out * (z[0] + z[1]));
     if !(size > 0.0 && size < 1e20) {
         return None;
     }
@@ -322,23 +346,23 @@ fn framed(scene: &Scene) -> Option<Camera> {
     let aspect = f64::from(scene.image.width) / f64::from(scene.image.height);
     // Half of the shorter side at distance 1, as far as it is filled.
     let wanted = FILL * tan * aspect.min(1.0);
-    let (mut at, mut distance) = (bounds.centre(), 2.0 * size / wanted);
-    let [mut xs, mut ys] = [Vec::with_capacity(2 * points.len()), Vec::with_capacity(2 * points.len())];
+    let (mut at, mut distance) = (centre, 2.0 * size / wanted);
+    let [mut xs, mut ys] = [Vec::with_capacity(2 * points.all.len()), Vec::with_capacity(2 * points.all.len())];
     // Each round is exact but for the depth of the outline, which the distance changes little.
     for _ in 0..12 {
         xs.clear();
         ys.clear();
-        for &(point, radius) in &points {
+        for &(point, radius) in &points.all {
             let p = point - at;
             let depth = distance - p.dot(out);
             // What comes too near while the camera is sought.
             let depth = depth.max(1e-3 * distance);
             for (values, axis) in [(&mut xs, right), (&mut ys, above)] {
-                values.extend([(p.dot(axis) - radius) / depth, (p.dot(axis) + radius) / depth]);
+                values.extend(span(p.dot(axis), radius).map(|end| end / depth));
             }
         }
-        let [left, right_end] = ends(&mut xs, strays)?;
-        let [bottom, top] = ends(&mut ys, strays)?;
+        let [left, right_end] = ends(&mut xs, points.strays)?;
+        let [bottom, top] = ends(&mut ys, points.strays)?;
         at += (right * (left + right_end) + above * (bottom + top)) * (0.5 * distance);
         let half = 0.5 * (right_end - left).max(top - bottom);
         if half <= 0.0 || half.is_nan() {
@@ -415,6 +439,38 @@ mod tests {
             let filled = pixels[0].max(pixels[1]) / f64::from(size[0].min(size[1]));
             assert!((0.7..=0.8).contains(&filled), "{size:?}: {filled}");
             assert!(centre.iter().all(|c| c.abs() < 0.03), "{centre:?}");
+        }
+    }
+
+    /// One point far before the others, behind them, or beside them.
+    #[test]
+    fn strays_change_neither_the_framing_nor_the_ground() {
+        let mut without = boxed(1.0, DVec3::ZERO, false);
+        without.enter_studio(&StudioOptions::default());
+        let out = without.camera.eye - without.camera.at;
+        let ground = |scene: &Scene| {
+            let surfels = scene.objects[1].shape.surfels().unwrap().surfels();
+            (surfels.origin, surfels.axis_u[0].length())
+        };
+        for stray in [out * 20.0, -out * 20.0, DVec3::X * 100.0, DVec3::Y * -100.0] {
+            let mut surfels =
+                Surfels::clone(boxed(1.0, DVec3::ZERO, false).objects[0].shape.surfels().unwrap().surfels());
+            surfels.position.push(stray.as_vec3());
+            surfels.axis_u.push(Vec3::X * 1e-4);
+            surfels.axis_v.push(Vec3::Y * 1e-4);
+            surfels.normal.push(Vec3::Z);
+            surfels.colour.push(Vec3::splat(0.5));
+            let mut scene = Scene::new([Object::new(surfels)]);
+            scene.enter_studio(&StudioOptions::default());
+            let ((place, size), (place_without, size_without)) = (ground(&scene), ground(&without));
+            assert!(place.distance(place_without) < 1e-6, "{stray}: {place}, not {place_without}");
+            assert!((size / size_without - 1.0).abs() < 1e-6, "{stray}: {size}, not {size_without}");
+            // The others alone are looked at.
+            scene.objects[0] = without.objects[0].clone();
+            let (shares, centre) = outline(&scene);
+            let filled = (shares[0] * 4.0 / 3.0).max(shares[1]);
+            assert!((0.7..=0.8).contains(&filled), "{stray}: {filled}");
+            assert!(centre.iter().all(|c| c.abs() < 0.03), "{stray}: {centre:?}");
         }
     }
 
