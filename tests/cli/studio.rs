@@ -100,6 +100,20 @@ fn what_has_no_shadow_leaves_it_out_and_says_so() {
     assert!(said.contains("the studio's shadow is left out: volumetric:3 has none"), "{said}");
 }
 
+/// A movie of EXR files, one of PNG files and one alone are the same, at transparent edges too.
+#[test]
+fn movies_show_light_as_png_files_do() {
+    let dir = folder();
+    let movie = |name: &str, more: &str| {
+        let line = format!("render cube.obj --transparent --out {name} --movie {name}.y4m {more} {SMALL}");
+        fine(dir.path(), &line);
+        fs::read(dir.path().join(format!("{name}.y4m"))).unwrap()
+    };
+    let png = movie("png", "");
+    assert!(movie("exr", "--format exr") == png, "of EXR files");
+    assert!(movie("alone", "--no-frames") == png, "alone");
+}
+
 #[test]
 fn the_bare_model_is_not_dithered_and_turns() {
     let dir = folder();

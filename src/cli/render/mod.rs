@@ -171,6 +171,8 @@ impl Render {
             stem: &scene.name,
             format,
             display,
+            bits: self.shown_bits(format),
+            transparent: scene.image.transparent,
             resume: self.resume,
             writes: !self.no_frames,
             gate: &gate,
@@ -286,8 +288,22 @@ impl Render {
 
     /// Bits of what a movie is made of: those of the pictures, so that one of pictures that were read back is the same.
     fn bits(&self, format: Format) -> Bits {
-        let is_of_pictures = !self.no_frames || self.resume;
-        if is_of_pictures && format.bits() == 8 { Bits::Eight } else { Bits::Sixteen }
+        if self.is_of_files() && format.bits() == 8 { Bits::Eight } else { Bits::Sixteen }
+    }
+
+    /// Bits with which PNG files show light, else those that the movie keeps: noise of finer codes than these would not
+    /// keep gradients from showing steps.
+    fn shown_bits(&self, format: Format) -> Bits {
+        match (format, &self.movie) {
+            (Format::Png { bits, .. }, _) if self.is_of_files() => bits,
+            (_, Some((_, MovieKind::Mov))) => Bits::Sixteen,
+            _ => Bits::Eight,
+        }
+    }
+
+    /// Is the movie one of pictures in files?
+    fn is_of_files(&self) -> bool {
+        !self.no_frames || self.resume
     }
 
     /// Where the images and the movie are, or how to make one.

@@ -29,6 +29,10 @@ pub(super) struct FrameOutput<'a> {
     pub(super) format: Format,
     /// How PNG files and movies show light.
     pub(super) display: Display,
+    /// Bits with which they are shown.
+    pub(super) bits: Bits,
+    /// Is there no background? Then colours are shown without their coverage.
+    pub(super) transparent: bool,
     /// Skip frames whose file carries the same settings and is whole.
     pub(super) resume: bool,
     /// Write files of pictures; else a movie alone is made.
@@ -222,13 +226,9 @@ impl FrameOutput<'_> {
         Ok(movie)
     }
 
-    /// A picture as its PNG file shows it.
+    /// A picture as its PNG file shows it, or the movie.
     fn shown(&self, picture: Picture) -> Picture {
-        match self.format {
-            Format::Png { bits, alpha } => self.display.shown(picture, bits, alpha),
-            // In a movie alone.
-            Format::Exr(_) => self.display.shown(picture, Bits::Eight, false),
-        }
+        self.display.shown(picture, self.bits, self.transparent)
     }
 }
 
@@ -317,6 +317,8 @@ mod tests {
             stem: "a",
             format: PNG,
             display: Display::default(),
+            bits: Bits::Eight,
+            transparent: false,
             resume,
             writes: true,
             gate: &gate,
