@@ -116,6 +116,9 @@ class Scene(Fixed):
         self.background, self.transparent, self.rate, self.name = background, transparent, rate, name
         environment = native.environment
         self.environment = None if environment is None else Environment._of(environment)
+        # Light of an environment takes the place of lamps: another one does so, too, and without any there are lamps.
+        if not self.lights and environment is not None and environment.settings[-1]:
+            self.lights = None
 
     @property
     def size(self) -> tuple[int, int]:

@@ -329,6 +329,11 @@ impl Scene {
                 scene.lights.clear();
             }
         }
+        // The environment that shone in the scene's file may be gone.
+        let shines = scene.environment.as_ref().is_some_and(|environment| environment.light);
+        if has_no_lights && !shines && scene.lights.is_empty() {
+            scene.lights = splatblur::Scene::new([]).lights;
+        }
         let mut camera_in_code = false;
         match settings.camera {
             Some(camera) => {
