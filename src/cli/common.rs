@@ -255,22 +255,26 @@ impl Running {
         let restrict = self.restrict()?;
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
+        let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let kind = info::kind(&head, path);
+        let shutter = match overrides.shutter {
+            Some(ShutterTimes::Frames(open, close)) => Some((open, close)),
+            Some(ShutterTimes::Seconds(_)) if kind == InputKind::Model => bail!(
+                "--shutter in seconds needs the frame rate of a scene, and {} is a model: name an angle, as in 180deg",
+                path.display()
+            ),
+            Some(ShutterTimes::Seconds(_)) | None => None,
+        };
         let options = scene_file::SceneLoadOptions {
             lenient: self.lenient,
             restrict,
             size: overrides.size,
             up: alone.up,
+            shutter,
+            readout: overrides.readout,
             studio: alone.studio,
             progress: Some(&step),
         };
-        let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let kind = info::kind(&head, path);
-        if kind == InputKind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
-            bail!(
-                "--shutter in seconds needs the frame rate of a scene, and {} is a model: name an angle, as in 180deg",
-                path.display()
-            );
-        }
         let mut loaded = match kind {
             InputKind::Scene => {
                 alone.refuse_choices(path)?;

@@ -30,6 +30,7 @@ use crate::math::Trs;
 use crate::model::{self, LoadProgress, ModelError, ModelFormat};
 use crate::options::words;
 use crate::scene::{Camera, Object, Scene, Studio, StudioLight, StudioOptions};
+use crate::time::Readout;
 
 pub use self::error::{EnvironmentError, Location, SceneError};
 pub use self::opening::Opening;
@@ -48,6 +49,11 @@ pub struct SceneLoadOptions<'a> {
     pub size: Option<(u32, u32)>,
     /// What is up in a model file that does not say so. Scene files say it of each object.
     pub up: Up,
+    /// When the shutter opens and closes on a model alone, frames around the frame number; its camera in a studio
+    /// depends on it. Scene files say it themselves.
+    pub shutter: Option<(f64, f64)>,
+    /// How the image of a model alone is read out, as with `shutter`.
+    pub readout: Option<Readout>,
     /// The studio of a model alone; `None`: the bare model. Scene files have none.
     pub studio: Option<StudioOptions>,
     /// Told about slow steps.
@@ -155,6 +161,13 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, Mode
     if let Some((width, height)) = options.size {
         (scene.image.width, scene.image.height) = (width, height);
         scene.camera = Camera::automatic(&scene);
+    }
+    // Before the studio frames what moves.
+    if let Some((open, close)) = options.shutter {
+        (scene.shutter.open, scene.shutter.close) = (open, close);
+    }
+    if let Some(readout) = options.readout {
+        scene.shutter.readout = readout;
     }
     // Before a mesh is sampled as finely as its camera sees it.
     let studio = options.studio.map(|wanted| scene.enter_studio(&wanted));

@@ -126,6 +126,28 @@ fn the_bare_model_is_not_dithered_and_turns() {
     assert_ne!(z, y);
 }
 
+/// Two points that fly to the right, ten units a frame.
+fn flying(dir: &Path) {
+    let scan = SCAN.replace("element vertex 4", "element vertex 2");
+    let head = scan.split("end_header").next().unwrap();
+    let velocity = "property float vx\nproperty float vy\nproperty float vz\nend_header";
+    let points = "-1 0 0 0 0 1 1 200 100 0 240 0 0\n1 0 0 0 0 1 1 200 100 0 240 0 0\n";
+    fs::write(dir.join("flying.ply"), format!("{head}{velocity}\n{points}")).unwrap();
+}
+
+#[test]
+fn all_of_a_long_exposure_is_framed() {
+    let dir = folder();
+    flying(dir.path());
+    let still = fine(dir.path(), &format!("render flying.ply --out a {SMALL}"));
+    let long = fine(dir.path(), &format!("render flying.ply --out b --shutter 0,4 {SMALL}"));
+    let eye = |said: &str| {
+        let [_, numbers] = said.split("eye=\"").collect::<Vec<_>>()[..] else { panic!("{said}") };
+        numbers.split(' ').next().unwrap().parse::<f64>().unwrap()
+    };
+    assert!(eye(&long) > eye(&still) + 20.0, "{long}{still}");
+}
+
 #[test]
 fn choices_that_nothing_heeds_are_refused() {
     let dir = folder();
