@@ -83,7 +83,7 @@ impl Scene {
         self.image.background = options.background.unwrap_or(DVec3::splat(GREY));
         self.image.transparent |= options.transparent;
         let up = upwards(self);
-        self.lights = lamps(&self.camera, up);
+        self.lights = lamps(&self.camera, up, light != StudioLight::Own);
         if light == StudioLight::Unlit {
             for object in &mut self.objects {
                 object.shape.set_material(Material {
@@ -166,8 +166,8 @@ fn falling(light: &Light, normal: DVec3) -> DVec3 {
     }
 }
 
-/// The lights, turned as the camera is around `up`.
-fn lamps(camera: &Camera, up: DVec3) -> Vec<Light> {
+/// The lights, turned as the camera is around `up`; with `key_has_shadows` things cast shadows.
+fn lamps(camera: &Camera, up: DVec3, key_has_shadows: bool) -> Vec<Light> {
     let out = camera.eye - camera.at;
     let front = (out - up * out.dot(up)).normalize_or(up.any_orthonormal_vector());
     let right = up.cross(front);
@@ -181,7 +181,7 @@ fn lamps(camera: &Camera, up: DVec3) -> Vec<Light> {
         })
         .collect();
     if let Some(Light::Directional { angle, shadows, .. }) = lights.first_mut() {
-        (*angle, *shadows) = (SOFT.to_radians(), true);
+        (*angle, *shadows) = (SOFT.to_radians(), key_has_shadows);
     }
     lights.push(Light::Ambient { colour: DVec3::splat(AMBIENT) });
     lights
