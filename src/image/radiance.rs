@@ -1,6 +1,8 @@
 //! Radiance pictures (`.hdr`, `.pic`; Ward 1991, *Real Pixels*): three mantissas with one exponent, in runs. They are
 //! read, not written.
 
+use std::borrow::Cow;
+
 use super::plausible;
 use crate::film::Picture;
 
@@ -84,10 +86,11 @@ fn header(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
                     _ => [0.0; 3],
                 };
                 for (scale, by) in scale.iter_mut().zip(by) {
-                    if !(1e-30..=1e30).contains(&by) {
+                    // Several in a row are one factor, their product.
+                    *scale /= by;
+                    if ![by, *scale].iter().all(|factor| (1e-30..=1e30).contains(factor)) {
                         return Err(format!("{name} is {value:.40?}, expected a factor from 1e-30 to 1e30"));
                     }
-                    *scale /= by;
                 }
             }
             _ => {}
@@ -112,12 +115,12 @@ fn header(bytes: &[u8]) -> Result<(Header, &[u8]), String> {
     Ok((Header { scale, lines: lines as usize, length: length as usize, by_columns, mirrored }, rest))
 }
 
-/// The text up to the end of a line, and the bytes after it.
-fn line(bytes: &[u8]) -> Result<(&str, &[u8]), String> {
+/// The text up to the end of a line, and the bytes after it. Comments are in any encoding.
+fn line(bytes: &[u8]) -> Result<(Cow<'_, str>, &[u8]), String> {
     let end = bytes.iter().take(LONGEST_LINE).position(|&byte| byte == b'\n');
     let end = end.ok_or("the header does not end")?;
-    let text = std::str::from_utf8(&bytes[..end]).map_err(|_| "the header is not text")?;
-    Ok((text.trim_end_matches('\r'), &bytes[end + 1..]))
+    let text = bytes[..end].strip_suffix(b"\r").unwrap_or(&bytes[..end]);
+    Ok((String::from_utf8_lossy(text), &bytes[end + 1..]))
 }
 
 /// Fills a row of pixels from the start of `bytes`, and gives the bytes after it; `None` where they are broken.
@@ -244,7 +247,18 @@ mod tests {
         let of = |lines: &str| decode(&file(&format!("{lines}\n\n-Y 1 +X 3"), &THREE)).map(|p| p.rgba[1]);
         assert_eq!(of("EXPOSURE=4\nEXPOSURE= 0.5\n# a remark"), Ok([1.0, 1.0, 1.0, 1.0]));
         assert_eq!(of("COLORCORR=1 2 4"), Ok([2.0, 1.0, 0.5, 1.0]));
-        for wrong in ["EXPOSURE=0", "EXPOSURE=-1", "EXPOSURE=nan", "EXPOSURE=inf", "EXPOSURE=1 2", "COLORCORR=1 1"] {
+        // A comment in Latin-1.
+        let latin = [b"#?RADIANCE\n# caf\xe9\n\n-Y 1 +X 3\n", &THREE[..]].concat();
+        assert_eq!(decode(&latin).map(|picture| picture.rgba[1]), Ok([2.0, 2.0, 2.0, 1.0]));
+        for wrong in [
+            "EXPOSURE=1e-30\nEXPOSURE=1e-30",
+            "EXPOSURE=0",
+            "EXPOSURE=-1",
+            "EXPOSURE=nan",
+            "EXPOSURE=inf",
+            "EXPOSURE=1 2",
+            "COLORCORR=1 1",
+        ] {
             assert!(of(wrong).unwrap_err().contains("expected a factor from"), "{wrong}");
         }
         assert!(of("FORMAT=32-bit_rle_xyze").unwrap_err().starts_with("FORMAT is \"32-bit_rle_xyze\""));
@@ -275,6 +289,5 @@ mod tests {
             assert!(of(size, &THREE).unwrap_err().starts_with("the size is"), "{size}");
         }
         assert_eq!(decode(b"#?").unwrap_err(), "the header does not end");
-        assert_eq!(decode(b"#?\n\xff\n\n").unwrap_err(), "the header is not text");
     }
 }
