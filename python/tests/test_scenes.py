@@ -181,6 +181,24 @@ def test_environments_light_scenes(renderer):
         sb.Environment(sky, light="maybe")
 
 
+def test_environments_of_files_are_replaced(renderer, tmp_path):
+    def sky(level):
+        return sb.Environment(np.full((8, 16, 3), level, np.float32), background=False, shadows=False)
+
+    made = sb.Scene(ball(), camera=front(), environment=sky(0.5))
+    made.save(tmp_path / "lit.xml")
+    scene = sb.load(tmp_path / "lit.xml")
+    assert scene.lights is None
+    scene.environment = sky(1.0)
+    made.environment = sky(1.0)
+    assert np.abs(renderer.render(scene).rgba - renderer.render(made).rgba).max() < 1e-6
+    # Without one there are the lamps that a scene has by default.
+    scene.environment = None
+    made.environment = None
+    lamps = renderer.render(made).rgba
+    assert lamps[24, 32, 0] > 0.1 and np.abs(renderer.render(scene).rgba - lamps).max() < 1e-6
+
+
 def test_scene_files_are_loaded_changed_and_saved(renderer, tmp_path):
     scene = sb.load(SCENES / "crossing.xml", size=(48, 27))
     assert scene.name == "crossing" and scene.frames == range(4, 21) and scene.size == (48, 27)
