@@ -264,7 +264,8 @@ fn for_each_point(scene: &Scene, object: &Object, mut each: impl FnMut(DVec3, f6
     const MOST: usize = 1 << 22;
     let [from, _] = scene.shutter.whole_exposure(scene.frames.first as f64);
     let [_, to] = scene.shutter.whole_exposure(scene.frames.last as f64);
-    let rests = object.is_fixed();
+    // Points with velocities move in each exposure, even where all frames are alike.
+    let rests = object.is_fixed() && object.shape.surfels().is_none_or(|model| model.paths().is_empty());
     let count = points_of(object).max(1);
     let steps = ((2.0 * (to - from)).ceil() as usize).clamp(1, (MOST / count).clamp(1, 200));
     for step in 0..=if rests { 0 } else { steps } {
@@ -298,7 +299,8 @@ fn points_at(scene: &Scene, object: &Object, time: f64, m: &DMat4, each: &mut im
             }
             let (surfels, paths) = (model.surfels(), model.paths());
             // From the place in the file to where the point is at that time.
-            let travelled = elapsed(object.travelled(scene.frames.rate, time.round(), time));
+            let number = time.round().min(scene.frames.last as f64).max(scene.frames.first as f64);
+            let travelled = elapsed(object.travelled(scene.frames.rate, number, time));
             for (i, &position) in surfels.position.iter().enumerate() {
                 let at = surfels.origin + paths.exact_place(position, i, travelled);
                 // About where a kernel ceases to be seen.

@@ -105,13 +105,13 @@ fn what_has_no_shadow_leaves_it_out_and_says_so() {
 fn movies_show_light_as_png_files_do() {
     let dir = folder();
     let movie = |name: &str, more: &str| {
-        let line = format!("render cube.obj --transparent --out {name} --movie {name}.y4m {more} {SMALL}");
+        let line = format!("render cube.obj --transparent --out {name} --movie {name}.y4m {SMALL}{more}");
         fine(dir.path(), &line);
         fs::read(dir.path().join(format!("{name}.y4m"))).unwrap()
     };
     let png = movie("png", "");
-    assert!(movie("exr", "--format exr") == png, "of EXR files");
-    assert!(movie("alone", "--no-frames") == png, "alone");
+    assert!(movie("exr", " --format exr") == png, "of EXR files");
+    assert!(movie("alone", " --no-frames") == png, "alone");
 }
 
 #[test]
