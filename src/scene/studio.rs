@@ -386,7 +386,10 @@ fn framed(scene: &Scene) -> Option<Camera> {
 
 #[cfg(test)]
 mod tests {
+    use glam::Quat;
+
     use super::*;
+    use crate::model::Gaussians;
     use crate::scene::pose::camera_from_world;
     use crate::shading::{ShadingLight, shade};
 
@@ -537,6 +540,22 @@ mod tests {
         assert_eq!(unlit(false, None), (false, false));
         assert_eq!(unlit(true, Some(false)), (false, false));
         assert_eq!(unlit(false, Some(true)), (true, true));
+    }
+
+    #[test]
+    fn captures_have_no_shadows() {
+        let fog = Gaussians {
+            position: vec![Vec3::ZERO, Vec3::X],
+            sigma: vec![Vec3::splat(0.2); 2],
+            rotation: vec![Quat::IDENTITY; 2],
+            opacity: vec![0.8; 2],
+            base: vec![Gaussians::base_of(Vec3::splat(0.5)); 2],
+            linear: true,
+            ..Gaussians::default()
+        };
+        let mut scene = Scene::new([Object::from_gaussians(fog).unwrap()]);
+        assert_eq!(scene.enter_studio(&StudioOptions::default()), Studio { light: StudioLight::Own, ground: false });
+        assert!(!scene.lights.iter().any(Light::has_shadows));
     }
 
     #[test]
