@@ -11,9 +11,9 @@ use crate::scene::{Camera, Light, Object, Scene};
 
 /// Discs at places, with these normals, of one radius.
 fn discs(of: impl Iterator<Item = (DVec3, DVec3)>, radius: f32) -> Object {
-    let (places, normals): (Vec<_>, Vec<_>) = of.unzip();
+    let (places, normals): (Vec<_>, Vec<_>) = of.map(|(place, normal)| (place, normal.as_vec3())).unzip();
     let radii = vec![radius; places.len()];
-    let surfels = Surfels::builder(places).normals(normals.into_iter().map(|normal| normal.as_vec3())).radii(radii);
+    let surfels = Surfels::builder(places).normals(normals).radii(radii);
     let (surfels, _) = surfels.build().unwrap();
     Object::new(surfels.spatially_ordered())
 }
