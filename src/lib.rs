@@ -161,7 +161,7 @@ pub mod fields {
     pub use crate::options::{
         KernelShape, KernelWeight, Normalise, OptionError, Overlap, SourceSamples, TemporalAlpha, Times,
     };
-    pub use crate::scene::{Pattern, Sequence, SequenceSpec};
+    pub use crate::scene::{Pattern, Sequence, SequenceSpec, Studio, StudioLight, StudioOptions};
     pub use crate::scene_file::{EnvironmentError, LoadedScene, Location};
 }
 

@@ -1,5 +1,5 @@
 // Includes: shadows/casters common/numbers
-// Does light reach a place? Twin: Shadows::lit and ShadowMap::lights of src/backend/cpu/shadows/.
+// Does light reach a place? Twin: Shadows::seen and ShadowMap::lights of src/backend/cpu/shadows/.
 
 @group(1) @binding(39) var<storage, read> maps: array<u32>;
 @group(1) @binding(40) var<storage, read> casters: array<vec4<f32>>;

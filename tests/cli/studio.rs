@@ -94,9 +94,13 @@ fn a_scan_shows_its_colours() {
 #[test]
 fn what_has_no_shadow_leaves_it_out_and_says_so() {
     let dir = folder();
-    let said = fine(dir.path(), "render cube.obj --out v --size 32x24 --backend cpu --mode bucket:2x4 --shading gouraud");
+    let said =
+        fine(dir.path(), "render cube.obj --out v --size 32x24 --backend cpu --mode bucket:2x4 --shading gouraud");
     assert!(said.contains("note: the studio's shadow is left out: this mode has none"), "{said}");
-    let said = fine(dir.path(), "sheet cube.obj --frame 0 --size 80x60 --modes still,bucket:2x4 --shading gouraud --out sheet.png");
+    let said = fine(
+        dir.path(),
+        "sheet cube.obj --frame 0 --size 80x60 --modes still,bucket:2x4 --shading gouraud --out sheet.png",
+    );
     assert!(said.contains("the studio's shadow is left out: bucket:2x4 has none"), "{said}");
 }
 

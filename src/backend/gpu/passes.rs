@@ -498,7 +498,7 @@ pub(in crate::backend) static TABLE: [Row; 43] = [
     ),
     row(
         (Program::ShadowSurfels, "shadow_surfels", Stage::Attribute),
-        ("shadows/mod.rs", "lit"),
+        ("shadows/mod.rs", "seen"),
         &[file!("shadows/surfels.wgsl")],
         Per::Surfels,
         &[Geometry, Segments, Lights, Touched, ShadowMaps, Casters],

@@ -159,7 +159,9 @@ impl Fit {
                         let nearest = from.max(slices[at].start);
                         if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
                             seen[at] = seen[at].and(shown);
-                            cells[at].receive(shown.bounds, behind);
+                            if !view.is_beside(place, radius) {
+                                cells[at].receive(shown.bounds, behind);
+                            }
                         }
                     }
                 }

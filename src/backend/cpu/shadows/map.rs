@@ -11,8 +11,6 @@ use super::{GRAZING, ROUNDING};
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 
-/// Places on a face reach to 1 from its middle, and a texel or two farther.
-pub(in crate::backend) const BEYOND_FACE: f32 = 0.99;
 /// Rows of a map that are drawn together.
 const ROWS: usize = 32;
 
@@ -150,8 +148,7 @@ impl Caster {
         let [u, v] = run.axes(i);
         // What is beside a face of the cube is on another.
         let radius = (u.length_squared() + v.length_squared()).sqrt();
-        let beside = |x: f32| x.abs() * BEYOND_FACE - c.z > std::f32::consts::SQRT_2 * radius;
-        if view.is_point && (beside(c.x) || beside(c.y) || c.z <= -radius) {
+        if view.is_beside(c, radius) {
             return None;
         }
         let covered = covered(c, [u, v], view);

@@ -8,6 +8,9 @@ use crate::shading::ShadingLight;
 /// Distance of a point light, in those of the farthest surfel, beyond which its rays count as parallel.
 const PARALLEL: f32 = 3000.0;
 
+/// Places on a face reach to 1 from its middle, and a texel or two farther.
+pub(in crate::backend) const BEYOND_FACE: f32 = 0.99;
+
 /// A view of a light.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct LightView {
@@ -109,6 +112,12 @@ impl LightView {
             }
         }
         out
+    }
+
+    /// Is a ball around a place of the view beside what the face of a point light shows?
+    pub(super) fn is_beside(&self, place: Vec3, radius: f32) -> bool {
+        let beside = |x: f32| x.abs() * BEYOND_FACE - place.z > std::f32::consts::SQRT_2 * radius;
+        self.is_point && (beside(place.x) || beside(place.y) || place.z <= -radius)
     }
 
     /// A place on the plane of the view, and what grows with its distance: the distance along parallel rays, or

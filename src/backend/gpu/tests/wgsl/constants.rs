@@ -15,7 +15,7 @@ use crate::backend::cpu::project::{CROSSING, CULLED, ORDINARY};
 use crate::backend::cpu::published::ray::FAR;
 use crate::backend::cpu::shadows::GRAZING;
 use crate::backend::cpu::shadows::fit::{MOST_SIDE, SLICES};
-use crate::backend::cpu::shadows::map::BEYOND_FACE;
+use crate::backend::cpu::shadows::view::BEYOND_FACE;
 use crate::backend::cpu::swept::attribute::HIDDEN;
 use crate::backend::cpu::swept::hull::HULL_SLACK;
 use crate::backend::cpu::swept::project::REACH;
