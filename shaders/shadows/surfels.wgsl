@@ -1,7 +1,7 @@
 // Includes: common/types common/views common/work common/segment common/paths common/channels shadows/lookup
 // Includes: shadows/light
 // A program of pass `attribute`, before it shades: which lights reach the centres of splats.
-// Twin: Shadows::lit of src/backend/cpu/shadows/mod.rs.
+// Twin: Shadows::seen of src/backend/cpu/shadows/mod.rs.
 //   in   segments, geometry, touched
 //        lights, maps, casters
 //   out  values   of each splat, in place of its colour: for each light with shadows a bit, 24 in a float

@@ -83,6 +83,7 @@ fn line(command: &str) -> Vec<(&'static str, &'static str)> {
         "sheet" => vec![("scene", "scene.xml"), ("--modes", "still"), ("--out", "sheet.png")],
         "report" => vec![("scene", "scene.xml"), ("--modes", "still"), ("--out", "report")],
         "compare" => vec![("a", "a.png"), ("b", "b.png")],
+        "wipe" => vec![("a", "a.png"), ("b", "b.png"), ("--out", "wipe.gif")],
         "thesis" => vec![("--out", "thesis")],
         "convert" => vec![("input", "three.xyz"), ("output", "other.ply")],
         "sample" => vec![("input", "square.obj"), ("output", "other.ply")],
