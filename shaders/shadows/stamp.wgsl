@@ -123,7 +123,7 @@ fn covers(c: vec3<f32>, u: vec3<f32>, v: vec3<f32>, place: vec2<f32>, is_point: 
 // Puts a surfel into a texel if it comes before what is there.
 fn offer(at: u32, light: u32, number: u32, ray: vec3<f32>) {
     let end = end_of(caster_of(light, number), ray);
-    // What is no number, or infinite, stops nothing.
+    // An end that is no number, or infinite, stops nothing.
     if (bitcast<u32>(end) & 0x7f800000u) == 0x7f800000u { return; }
     var there = atomicLoad(&maps[at]);
     loop {

@@ -421,7 +421,7 @@ pub(super) struct Ready {
     pub(super) notes: Vec<String>,
     pub(super) frames: FrameList,
     pub(super) format: Format,
-    /// Of PNG files and movies.
+    /// How PNG files and movies show light.
     pub(super) display: Display,
     /// The studio that the model alone stands in.
     pub(super) studio: Option<Studio>,

@@ -36,7 +36,7 @@ pub(super) struct StudioArgs {
     up: Option<Up>,
 }
 
-/// What is said about a model alone. By default it is bare.
+/// How a model alone is shown. By default it is bare.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ModelAlone {
     pub(super) studio: Option<StudioOptions>,
@@ -56,7 +56,7 @@ impl ModelAlone {
 }
 
 impl StudioArgs {
-    /// What is said of a model alone. `transparent`: without a background.
+    /// How a model alone is shown. `transparent`: without a background.
     pub(super) fn of(&self, background: Option<DVec3>, transparent: bool) -> ModelAlone {
         let studio = StudioOptions { unlit: self.unlit, background, transparent };
         let given = self.unlit.map(|_| "--unlit").or(self.up.map(|_| "--up"));
@@ -100,7 +100,7 @@ pub(super) struct DisplayArgs {
 }
 
 impl DisplayArgs {
-    /// What is said, and for the rest `own`.
+    /// The choices of the command line, and for the rest `own`.
     pub(super) fn or(&self, own: Display) -> Display {
         Display {
             stops: self.stops.unwrap_or(own.stops),

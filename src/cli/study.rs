@@ -60,8 +60,8 @@ impl Common {
         self.running.quiet
     }
 
-    /// Reads the scene, and puts the options into it. `alone`: how a model file is shown. In a studio the shadow is left
-    /// out where one of the modes has none.
+    /// Reads the scene, and puts the options into it. `alone`: how a model file is shown. In a studio the shadow is
+    /// left out where one of the modes has none.
     pub(super) fn load(&self, path: &Path, alone: ModelAlone, modes: &[Entry]) -> anyhow::Result<ReadyScene> {
         let pool = self.running.pool()?;
         let loaded = self.running.load(path, &self.overrides, alone, &pool)?;

@@ -22,8 +22,8 @@ const MOST: u64 = 100_000;
 
 /// Show two image sequences in one movie: a border sweeps over them, to the right and back.
 ///
-/// A shows to the left of the border, B to the right. Frames are paired by their numbers, as in `splatblur compare`. The
-/// border makes one round in the whole movie, so that a loop has no seam.
+/// A shows to the left of the border, B to the right. Frames are paired by their numbers, as in `splatblur compare`.
+/// The border makes one round in the whole movie, so that a loop has no seam.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

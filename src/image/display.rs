@@ -110,9 +110,9 @@ const PIVOT: f32 = BELOW / (BELOW + ABOVE);
 
 /// Light to the light that a screen shows, in [0, 1].
 ///
-/// Primaries are moved a fifth of the way to white in x, y; stops from ten below middle grey to 6.5 above become 0 to 1;
-/// a curve with slope 2 at middle grey and powers of 3 and 3.25 ([`curve`]); the primaries are moved back. The result
-/// is coded by a power of 2.2.
+/// Primaries are moved a fifth of the way to white in x, y; stops from ten below middle grey to 6.5 above become 0 to
+/// 1; a curve with slope 2 at middle grey and powers of 3 and 3.25 ([`curve`]); the primaries are moved back. The
+/// result is coded by a power of 2.2.
 fn agx(light: [f32; 3]) -> [f32; 3] {
     let least = MIDDLE * fast::exp2(-BELOW);
     let coded = towards_white(light, INSET).map(|value| {

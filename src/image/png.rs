@@ -1,6 +1,6 @@
-//! PNG: 8 or 16 bits, sRGB-encoded or by another response, straight alpha. Colour is un-premultiplied in linear light,
-//! then encoded, then rounded to the nearest code; values outside [0, 1] are clipped. What [`super::Display`] does comes
-//! before.
+//! PNG: 8 or 16 bits, sRGB-encoded or by another response, straight alpha. Colour is un-premultiplied in linear
+//! light, then encoded, then rounded to the nearest code; values outside [0, 1] are clipped. What
+//! [`super::Display`] does comes before.
 
 use std::io::{Cursor, Read, Seek, SeekFrom};
 

@@ -13,8 +13,8 @@ pub fn border(frame: u64, frames: u64) -> f64 {
     0.5 - 0.5 * libm::cos(std::f64::consts::TAU * turn)
 }
 
-/// The left part of one picture and the right part of another, with a white line of two pixels between them. `share`: of
-/// the width that shows the first. A pixel that the line covers in part is mixed. Layers are left out.
+/// The left part of one picture and the right part of another, with a white line of two pixels between them. `share`:
+/// of the width that shows the first. A pixel that the line covers in part is mixed. Layers are left out.
 ///
 /// # Errors
 /// The pictures differ in size.

@@ -57,9 +57,9 @@ const GREY: f64 = 0.6;
 const AMBIENT: f64 = 0.25;
 /// Diameter of the key light as it is seen from the model, degrees: a large soft box.
 const SOFT: f64 = 14.0;
-/// Lamps: degrees around the upright axis from the camera to its right, degrees above the ground, radiance. The key light
-/// has the shadow; the fill light opens it; the rim light draws the outline. With `AMBIENT` they add up to less than 1
-/// on a white surface of any direction, its highlights included.
+/// Lamps: degrees around the upright axis from the camera to its right, degrees above the ground, radiance. The key
+/// light has the shadow; the fill light opens it; the rim light draws the outline. With `AMBIENT` they add up to less
+/// than 1 on a white surface of any direction, its highlights included.
 const LAMPS: [[f64; 3]; 3] = [[-42.0, 48.0, 0.5], [55.0, 20.0, 0.14], [150.0, 42.0, 0.24]];
 /// Radius of the ground, radii of what stands on it: shadows end well within.
 const GROUND: f64 = 5.0;

@@ -47,7 +47,7 @@ pub struct SceneLoadOptions<'a> {
     /// Width and height of the image, pixels, in place of the scene's. Meshes without a spacing depend on it, and so
     /// does a camera that is found.
     pub size: Option<(u32, u32)>,
-    /// What is up in a model file that does not say so. Scene files say it of each object.
+    /// The axis that is up in a model file that does not say so. Scene files say it of each object.
     pub up: Up,
     /// When the shutter opens and closes on a model alone, frames around the frame number; its camera in a studio
     /// depends on it. Scene files say it themselves.
@@ -84,8 +84,8 @@ pub enum Up {
 words!(Up, "axis that points up", [Y = "y", Z = "z"]);
 
 impl LoadedScene {
-    /// How pictures are shown that nobody chose another way for: in a studio with dither, and by `AgX` where lamps shade
-    /// the model; else as they are.
+    /// How pictures are shown that nobody chose another way for: in a studio with dither, and by `AgX` where lamps
+    /// shade the model; else as they are.
     pub fn display(&self) -> Display {
         self.studio.map_or_else(Display::default, |studio| Display {
             view: match studio.light {

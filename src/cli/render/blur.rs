@@ -182,8 +182,8 @@ impl Blur {
         self.mode.as_ref().map_or(name, |mode| mode.parts.name)
     }
 
-    /// Most samples of mode auto in a studio, unless somebody says how good the picture is to be. The penumbra of a large
-    /// lamp takes 144 for the error that mode auto has else, seven times as long, and looks the same.
+    /// Most samples of mode auto in a studio, unless somebody says how good the picture is to be. The penumbra of a
+    /// large lamp takes 144 for the error that mode auto has else, seven times as long, and looks the same.
     const IN_STUDIO: u32 = 32;
 
     /// Spares the samples of a picture in a studio.

@@ -71,8 +71,8 @@ impl<'a> Studio<'a> {
         self.shared.setup.memory[usize::from(self.name() == "gpu")] / self.shared.pages().max(1) as u64
     }
 
-    /// The options without shadows where the model stands in a studio whose shadow cannot be drawn: a look at a model is
-    /// not refused for that.
+    /// The options without shadows where the model stands in a studio whose shadow cannot be drawn: a look at a model
+    /// is not refused for that.
     pub(super) fn possible(&self, known: &Known, scene: &Scene, mut options: RenderOptions) -> RenderOptions {
         if known.loaded.studio.is_some()
             && let Some((_, renderer)) = &self.renderer

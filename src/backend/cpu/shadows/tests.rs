@@ -1,4 +1,4 @@
-//! What is drawn on maps. Whether it is enough, tests/render/shadows.rs judges by the pictures.
+//! Surfels that are drawn on maps. Whether it is enough, tests/render/shadows.rs judges by the pictures.
 
 use glam::DVec3;
 
