@@ -257,8 +257,8 @@ def test_lights_have_shadows(renderer):
     assert (dark[..., :3] <= lit[..., :3] + 1e-3).all() and (lit - dark)[..., 0].max() > 0.2
     again = pickle.loads(pickle.dumps(scene))
     assert np.array_equal(renderer.render(again, mode="supersample:4").rgba, dark)
-    with pytest.raises(sb.SplatblurError):
-        renderer.render(scene, mode="volumetric:2")
+    swept = [renderer.render(scene, mode="volumetric:2", shadows=shadows).rgba for shadows in (True, False)]
+    assert (swept[1] - swept[0])[..., 0].max() > 0.2
 
 
 def test_models_are_loaded_by_path(renderer):
