@@ -27,7 +27,6 @@ use crate::shading::ShadingLight;
 pub use self::blocks::Blocks;
 pub use self::panorama::Panorama;
 pub(crate) use self::pixel_rect::PixelRect;
-use self::poser::SKY_DIRECTIONS;
 pub use self::poser::{PosedObject, PosedSample};
 pub use self::raster::{Raster, RasterArea};
 pub use self::static_objects::{STATIC_PATH, all_rests, shared_positions, shows_much_rest};
@@ -148,7 +147,7 @@ impl Frame {
     /// [`Self::new`] makes, at the least.
     pub fn posed_bytes(scene: &Scene, samples: u64) -> u64 {
         let of_objects = size_of::<PosedObject>() * scene.objects.len();
-        let of_sky = scene.sky().map_or(0, |_| SKY_DIRECTIONS as usize);
+        let of_sky = usize::from(scene.sky().is_some());
         let of_lights = size_of::<ShadingLight>() * (scene.lights.len() + of_sky);
         let of_sample =
             size_of::<Group>() + size_of::<TimeSample>() + size_of::<PosedGroup>() + size_of::<PosedSample>();

@@ -16,9 +16,6 @@ use crate::shading::ShadingLight;
 /// Nearer ones would fill the image.
 const NEAR_OF_GAUSSIANS: f64 = 0.2;
 
-/// Directions that a time sample draws of an environment that has shadows: each has a map of its own.
-pub(super) const SKY_DIRECTIONS: u32 = 1;
-
 /// The scene at one time sample.
 #[derive(Clone, Debug)]
 pub struct PosedSample {
@@ -176,15 +173,11 @@ impl Poser<'_> {
             lights.push(ShadingLight::Harmonics { terms: sky.harmonics() });
             return lights;
         }
-        let index = lights.len() as u64;
-        // All that the frame draws go on in one sequence.
-        let first = number.wrapping_mul(SKY_DIRECTIONS);
-        lights.extend((0..SKY_DIRECTIONS).map(|k| {
-            let [down, across, _] = light_point(first.wrapping_add(k), seed, index);
-            let (towards, colour) = sky.drawn([down, across]);
-            let colour = (colour / f64::from(SKY_DIRECTIONS)).as_vec3();
-            ShadingLight::Directional { towards: towards.as_vec3(), colour, shadows: true }
-        }));
+        // One direction, with a map of its own: more cost what they save (docs/measurements/environments.md).
+        let [down, across, _] = light_point(number, seed, lights.len() as u64);
+        let (towards, colour) = sky.drawn([down, across]);
+        let (towards, colour) = (towards.as_vec3(), colour.as_vec3());
+        lights.push(ShadingLight::Directional { towards, colour, shadows: true });
         lights
     }
 

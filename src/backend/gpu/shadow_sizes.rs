@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::backend::BackendError;
-use crate::backend::cpu::shadows::fit::SLICES;
+use crate::backend::cpu::shadows::fit::{MORE_TEXELS, SHARE_OF_MORE, SLICES, with_borders};
 use crate::backend::cpu::shadows::most_texels;
 use crate::frame::{Frame, FrameObject, PosedSample};
 use crate::shading::ShadingLight;
@@ -16,10 +16,6 @@ const CASTER_BYTES: u64 = 32;
 pub(in crate::backend) const DRAWING: u32 = 64;
 /// Turns of loops that a texel takes, most of the time.
 pub(in crate::backend) const TURNS_OF_TEXEL: u64 = 3;
-/// Texels that there is room for beside those that maps are to have (`shaders/shadows/maps.wgsl`): one for so many, and
-/// so many.
-const SHARE_OF_MORE: u64 = 32;
-const MORE_TEXELS: u64 = 4096;
 /// Lights of a mask (`shaders/shadows/light.wgsl`), of which the values of a splat have room for three.
 pub(in crate::backend) const LIGHTS_OF_MASK: u64 = 24;
 /// Most lights with shadows.
@@ -78,9 +74,9 @@ impl ShadowSizes {
         4 * self.lights * (self.faces * SLICES as u64 * MAP_WORDS + self.room())
     }
 
-    /// Texels of a light that there is room for: maps have borders, and not every number of them can be had.
+    /// Texels of a light that there is room for.
     const fn room(&self) -> u64 {
-        if self.lights == 0 { 0 } else { self.texels + self.texels / SHARE_OF_MORE + MORE_TEXELS }
+        if self.lights == 0 { 0 } else { with_borders(self.texels) }
     }
 
     /// Bytes of the planes of a group.

@@ -14,7 +14,7 @@ const SIDE: usize = 64;
 /// Runs that may be taken for a part of the ground.
 const CANDIDATES: usize = 8;
 /// Cosine between the normals of parts of one plane, at the least.
-const PARALLEL: f32 = 0.999;
+const SAME_NORMAL: f32 = 0.999;
 /// Cosine, or its like, between rays and the ground, below which distances to it say nothing.
 const FLAT: f32 = 0.02;
 
@@ -40,7 +40,7 @@ impl Ground {
             let (of, _) = flat[candidate];
             let agrees = |run: &Run<'_>| {
                 let height = of.normal.dot(run.middle - of.middle).abs();
-                of.normal.dot(run.normal).abs() > PARALLEL && height <= of.object.epsilon
+                of.normal.dot(run.normal).abs() > SAME_NORMAL && height <= of.object.epsilon
             };
             flat.iter().filter(|(run, _)| agrees(run)).map(|(_, weight)| *weight).sum::<f32>()
         };

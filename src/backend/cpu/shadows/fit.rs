@@ -16,10 +16,20 @@ pub(in crate::backend) const SLICES: usize = 80;
 pub(in crate::backend) const MOST_SIDE: f64 = 65_000.0;
 
 /// Times that texels grow until all fit, and the factor.
-const MOST_TRIES: usize = 100;
-const GROWTH: f64 = 1.02;
+pub(in crate::backend) const MOST_TRIES: usize = 100;
+pub(in crate::backend) const GROWTH: f64 = 1.02;
 /// What pixels show of a surfel reaches beyond it: factor on how much farther behind the ground its edge is.
 const SLACK: f32 = 1.5;
+
+/// Texels that there is room for beside those that maps are to have, because maps have borders: one for so many, and so
+/// many.
+pub(in crate::backend) const SHARE_OF_MORE: u64 = 32;
+pub(in crate::backend) const MORE_TEXELS: u64 = 4096;
+
+/// The room for maps that are to have so many texels.
+pub(in crate::backend) const fn with_borders(texels: u64) -> u64 {
+    texels + texels / SHARE_OF_MORE + MORE_TEXELS
+}
 
 /// The slice of a depth. What is nearer than the first, and what is not a number, is in the first. Without branches:
 /// loops over lanes ask it.
@@ -175,7 +185,7 @@ impl Fit {
 
     /// The areas of maps whose texels are at most as large as a pixel of what they show; larger where all together
     /// would be more than `most`. `focal`: pixels of the image. `jitter`: where grids begin, texels.
-    pub(super) fn areas(&self, focal: f32, most: f64, jitter: [f32; 2]) -> Vec<MapArea> {
+    pub(super) fn areas(&self, focal: f32, most: u64, jitter: [f32; 2]) -> Vec<MapArea> {
         let fine = |seen: &Seen| {
             let pixel = f64::from(seen.nearest / focal);
             if self.is_point { pixel / f64::from(seen.farthest) } else { pixel }
@@ -187,9 +197,9 @@ impl Fit {
             (x + LANES as f64) * y
         };
         let some = self.seen.iter().filter(|seen| seen.nearest < f32::INFINITY);
-        let mut coarser = (some.clone().map(texels).sum::<f64>() / most).sqrt().max(1.0);
+        let mut coarser = (some.clone().map(texels).sum::<f64>() / most as f64).sqrt().max(1.0);
         // What maps have beside their extents may be too much.
-        let room = most * (1.0 + 1.0 / 32.0) + 4096.0;
+        let room = with_borders(most) as f64;
         let size = |seen: &Seen, coarser: f64| {
             let extents = extents(seen);
             let texel = extents.into_iter().fold(fine(seen) * coarser, |texel, extent| texel.max(extent / MOST_SIDE));

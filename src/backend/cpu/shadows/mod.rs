@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use self::fit::{Fit, SLICES, slice_of};
+use self::fit::{Fit, SLICES, slice_of, with_borders};
 use self::map::{Caster, Onto, ShadowMap};
 use self::run::Run;
 use self::view::LightView;
@@ -68,7 +68,7 @@ impl Shadows {
         let surfels: usize = frame.objects.iter().filter_map(|o| o.shape.surfels()).map(|m| m.surfels().len()).sum();
         // A surfel is on the maps of a few slices, and in a few lists of each.
         let of_surfel = (CASTER_MAPS * (size_of::<Caster>() + 2 * size_of::<u32>())) as u64;
-        let maps = most_texels(frame) * ShadowMap::BYTES_OF_TEXEL + surfels as u64 * of_surfel;
+        let maps = with_borders(most_texels(frame)) * ShadowMap::BYTES_OF_TEXEL + surfels as u64 * of_surfel;
         lights * maps
     }
 
@@ -94,7 +94,7 @@ impl Shadows {
             };
             let fit = Fit::of(&runs, &views, sample, raster, frame);
             let jitter = jitter(sample, number);
-            let areas = fit.areas(raster.focal * frame.stride as f32, most_texels(frame) as f64, jitter);
+            let areas = fit.areas(raster.focal * frame.stride as f32, most_texels(frame), jitter);
             let mut maps = Vec::with_capacity(areas.len());
             for (at, area) in areas.iter().enumerate() {
                 let mut map = ShadowMap::default();

@@ -14,6 +14,9 @@ use crate::model::paths::Paths;
 /// Most surfels of a run.
 pub(super) const RUN: usize = CLUSTER_SURFELS;
 
+/// Angle between normals below which a run is flat, radians.
+const SPREAD_OF_FLAT: f32 = 0.02;
+
 /// Some surfels of an opaque object at a time sample.
 pub(super) struct Run<'a> {
     pub object: &'a PosedObject,
@@ -70,7 +73,7 @@ impl<'a> Run<'a> {
         let half = linear.abs() * (0.5 * (high - low));
         // A map stretches by no more than the root of the sum of the squares of its columns.
         let stretch = linear.x_axis.length_squared() + linear.y_axis.length_squared() + linear.z_axis.length_squared();
-        let normal = if cluster.spread < FLAT { posed.normal_matrix * cluster.axis } else { Vec3::ZERO };
+        let normal = if cluster.spread < SPREAD_OF_FLAT { posed.normal_matrix * cluster.axis } else { Vec3::ZERO };
         Self {
             object: posed,
             surfels,
@@ -132,6 +135,3 @@ impl SeenRun<'_> {
         self.run.axes(i).map(|axis| self.from_model * axis)
     }
 }
-
-/// Angle between normals below which a run is flat, radians.
-const FLAT: f32 = 0.02;

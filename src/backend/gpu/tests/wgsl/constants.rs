@@ -14,7 +14,7 @@ use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::cpu::project::{CROSSING, CULLED, ORDINARY};
 use crate::backend::cpu::published::ray::FAR;
 use crate::backend::cpu::shadows::GRAZING;
-use crate::backend::cpu::shadows::fit::{MOST_SIDE, SLICES};
+use crate::backend::cpu::shadows::fit::{GROWTH, MOST_SIDE, MOST_TRIES, SLICES};
 use crate::backend::cpu::shadows::view::BEYOND_FACE;
 use crate::backend::cpu::swept::attribute::HIDDEN;
 use crate::backend::cpu::swept::hull::HULL_SLACK;
@@ -120,7 +120,9 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("IS_REST", whole(IS_REST)),
         ("IN_STRETCHES", whole(IN_STRETCHES)),
         ("LISTS_ALONE", whole(LISTS_ALONE)),
+        ("GROWTH", float(GROWTH as f32)),
         ("MOST_SIDE", float(MOST_SIDE as f32)),
+        ("MOST_TRIES", whole(MOST_TRIES)),
         ("MOST_PLANES", whole(FilmPlanes::of(&Aov::ALL).pooled().count)),
         ("SHARES_TILES", whole(SHARES_TILES)),
         // The bits of flags above all that kernels in motion have.
@@ -141,7 +143,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 28] = [
+const OF_DEVICE: [(&str, &str); 26] = [
     ("LANES", "invocations of a workgroup by pixels"),
     ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
     ("PANEL_COLUMNS", "how a workgroup by pixels parts its tile"),
@@ -153,11 +155,9 @@ const OF_DEVICE: [(&str, &str); 28] = [
     ("FEW", "how workgroups part the texels of a surfel"),
     ("FIRST_SLICE", "word of a map; the CPU has fields"),
     ("FIRST_TEXEL", "likewise"),
-    ("GROWTH", "the CPU may take more texels than asked for"),
     ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
     ("MOST_LAYER", "the last float that a cast holds; casts saturate on the CPU"),
     ("MANY", "how workgroups part the texels of a surfel"),
-    ("MOST_TRIES", "the CPU may take more texels than asked for"),
     ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),
     ("NO_LANDING", "the CPU has no branch that would need it: it lands all surfels of a vector"),
     ("OUTSIDE", "mark in workgroup memory"),
