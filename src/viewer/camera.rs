@@ -70,7 +70,7 @@ impl CameraAt {
 }
 
 /// The middle of the box around all objects before they move; the origin of a scene without any.
-fn middle(scene: &Scene) -> DVec3 {
+pub(super) fn middle(scene: &Scene) -> DVec3 {
     let mut sum = DVec3::ZERO;
     let mut count = 0.0;
     for object in &scene.objects {

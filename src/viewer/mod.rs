@@ -10,6 +10,7 @@
 mod camera;
 mod display;
 mod error;
+mod lights;
 mod message;
 mod pace;
 mod save;

@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::camera::CameraAt;
+use super::lights::LightsAt;
 use super::shared::Known;
 use crate::film::Aov;
 use crate::frame::all_rests;
@@ -31,6 +32,8 @@ pub(super) struct Asked {
     moving: bool,
     /// `None`: the scene's.
     camera: Option<CameraAt>,
+    /// `None`: the scene's.
+    lights: Option<LightsAt>,
     /// `None`: the scene's.
     shutter: Option<AskedShutter>,
     mode: String,
@@ -61,6 +64,7 @@ pub(super) struct PageLook {
     pub(super) size: [u32; 2],
     pub(super) frame: FrameNumber,
     camera: Option<CameraAt>,
+    lights: Option<LightsAt>,
     shutter: Option<ShutterAt>,
     pub(super) device: Device,
     prefilter: Option<Prefilter>,
@@ -112,13 +116,15 @@ impl Asked {
         if !(-LAST_FRAME..=LAST_FRAME).contains(&frame) {
             return Err(format!("there is no frame {frame}; frames end at {LAST_FRAME}"));
         }
-        if let Some(fault) = self.camera.as_ref().and_then(CameraAt::fault) {
+        let fault = self.camera.as_ref().and_then(CameraAt::fault);
+        if let Some(fault) = fault.or_else(|| self.lights.as_ref().and_then(LightsAt::fault)) {
             return Err(fault);
         }
         let look = PageLook {
             size: [width, height],
             frame: FrameNumber::from(frame),
             camera: self.camera,
+            lights: self.lights,
             shutter: self.shutter.map(AskedShutter::check).transpose()?,
             device: device(&self.backend)?,
             prefilter: self.prefilter.map(|word| word.parse()).transpose().map_err(in_words("prefilter"))?,
@@ -192,6 +198,9 @@ impl PageLook {
         let mut scene = scene.clone();
         if let Some(camera) = &self.camera {
             camera.place(&mut scene.camera);
+        }
+        if let Some(lights) = &self.lights {
+            lights.turn(&mut scene);
         }
         if let Some(ShutterAt { open, close, weight, readout }) = self.shutter.clone() {
             let weight = weight.unwrap_or_else(|| scene.shutter.weight.clone());

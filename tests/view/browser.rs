@@ -76,6 +76,23 @@ fn a_session() {
         browser.rests();
     }
 
+    // Lights are turned by drags and arrows, the camera stays; and back.
+    let line = browser.text("viewer.last.line");
+    browser.key("l");
+    browser.key("ArrowLeft");
+    browser.rests();
+    let lit = browser.picture();
+    browser.mouse("mousePressed", at(0.0));
+    browser.mouse("mouseMoved", at(40.0));
+    browser.mouse("mouseReleased", at(40.0));
+    browser.rests();
+    assert!(lit != at_rest && ![at_rest, lit].contains(&browser.picture()));
+    assert_eq!(browser.text("viewer.last.line"), line);
+    browser.key("l");
+    browser.key("L");
+    browser.rests();
+    assert_eq!(browser.picture(), at_rest);
+
     // Ten frames, one after the other, then played.
     for frame in 1..=10 {
         browser.key(".");

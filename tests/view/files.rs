@@ -65,7 +65,8 @@ fn a_saved_scene_shows_what_was_seen_and_leaves_the_original() {
     let mut visit = Visit::new();
     let camera = json!({ "eye": [3.0, 2.0, 6.5], "at": [0.25, 0.0, 0.0], "up": [0.0, 1.0, 0.0], "fovy": 35.0 });
     let shutter = json!({ "open": 0.0, "close": 1.0, "weight": "ramp", "readout": "0.5,left,first" });
-    visit.shown(json!({ "camera": camera, "shutter": shutter }));
+    let lights = json!({ "turn": [0.0, 0.6, 0.0, 0.8] });
+    visit.shown(json!({ "camera": camera, "shutter": shutter, "lights": lights }));
     let saved = ["png", "scene", "scene"].map(|what| visit.save(what));
     assert_ne!(saved[1], saved[2]);
     assert_eq!(fs::read_to_string(&visit.scene).unwrap(), SCENE);
@@ -73,6 +74,7 @@ fn a_saved_scene_shows_what_was_seen_and_leaves_the_original() {
     assert!(text.contains(r#"<camera eye="3 2 6.5" at="0.25 0 0" up="0 1 0" fovy="35""#), "{text}");
     let shutter = r#"<shutter open="0" close="1" readout="0.5" direction="left" anchor="first" weight="ramp""#;
     assert!(text.contains(shutter), "{text}");
+    assert!(text.contains("<light") && !text.contains(r#"direction="-0.577350"#), "{text}");
     // Its picture has the pixels that were saved; its settings name another scene.
     let rendered = visit.dir.path().join("rendered");
     run("render --quiet --backend cpu --frames 1 --mode supersample:4 --out", &[&rendered, &saved[1]]);

@@ -183,6 +183,9 @@ fn what_a_page_should_not_say_is_answered_in_a_line() {
         refused(json!({ "camera": { "eye": eye, "at": eye, "up": [0, 1, 0], "fovy": 40 } }), "eye");
         refused(json!({ "camera": { "eye": eye, "at": [0, 0, 0], "up": eye, "fovy": 40 } }), "up");
         refused(json!({ "camera": { "eye": eye, "at": [0, 0, 0], "up": [0, 1, 0], "fovy": 180 } }), "fovy");
+        for turn in [json!([0, 0, 0, 0]), json!([1e200, 0, 0, 1])] {
+            refused(json!({ "lights": { "turn": turn } }), "quaternion");
+        }
         refused(json!({ "file": "/etc/passwd" }), "file");
         for message in [json!(null), json!([]), json!({ "type": "open" }), json!({ "type": "save", "what": "all" })] {
             page.say(&message);

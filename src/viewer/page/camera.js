@@ -31,6 +31,19 @@ export function orbit(camera, right, down) {
   return { ...camera, eye: add(camera.at, eye) };
 }
 
+// Two turns one after the other, as quaternions [x, y, z, w]: `a` after `b`.
+function after(a, b) {
+  const [p, q] = [a.slice(0, 3), b.slice(0, 3)];
+  return unit([...add(add(scaled(q, a[3]), p, b[3]), cross(p, q)), a[3] * b[3] - dot(p, q)]);
+}
+const about = (axis, angle) => [...scaled(axis, Math.sin(angle / 2)), Math.cos(angle / 2)];
+
+// Turns lights, whose turn is a quaternion, by `right` about the camera's up and by `down` about its horizon; radians.
+export function turnLights(turn, camera, right, down) {
+  const { right: horizon, up } = axes(camera);
+  return after(about(horizon, down), after(about(up, right), turn));
+}
+
 // Moves the camera by shares of the image's height, so that what is at the point looked at follows the hand.
 export function pan(camera, right, down) {
   const axis = axes(camera);

@@ -7,6 +7,10 @@ const rows = ({ act, edit, next, zoom, split, toggleSplit }) => [
   ["Shift-drag, Shift-arrow", "pan", {}],
   ["wheel, + and -", "zoom", { "+": () => zoom(0.9), "=": () => zoom(0.9), "-": () => zoom(1 / 0.9) }],
   ["0, c", "the scene's camera; copy the camera", { 0: act.reset, c: act.copy }],
+  ["Ctrl-drag", "turn the lights", {}],
+  ["l, L", "drags and arrow keys turn lights, or the camera again; the scene's lights", {
+    l: act["lights-drag"], L: act["lights-reset"],
+  }],
   ["Space", "play or stop", { " ": act.play }],
   [", and .", "one frame back or forward", { ",": act.back, ".": act.forward }],
   ["Home, End", "first and last frame", { Home: act["to-first"], End: act["to-last"] }],

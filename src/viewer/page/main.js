@@ -1,7 +1,7 @@
 // The page holds the whole view, and sends it whenever something changes. So it can go on with a program that was
 // started again. `viewer` is there for tests, and for the curious: it holds the view and a log of pictures.
 
-import { orbit, pan, zoom } from "./camera.js";
+import { orbit, pan, turnLights, zoom } from "./camera.js";
 import { View } from "./canvas.js";
 import { keys } from "./keys.js";
 
@@ -10,7 +10,7 @@ const view = new View($("stage"), $("picture"), $("slider"));
 
 // What is seen. `null`: the scene's own.
 const state = {
-  frame: 0, camera: null, shutter: null, mode: "auto:good", split: null, buffer: "colour",
+  frame: 0, camera: null, lights: null, shutter: null, mode: "auto:good", split: null, buffer: "colour",
   backend: "auto", prefilter: null, shading: "phong", size: "window",
 };
 let scene = null;
@@ -214,12 +214,24 @@ function turn(by, isMoving = true) {
   if (from) change({ camera: by(from) }, isMoving);
 }
 
+// ---- lights
+
+let draggingLights = false;
+function dragLights() {
+  draggingLights = !draggingLights;
+  $("lights-drag").setAttribute("aria-pressed", draggingLights);
+}
+function light(right, down) {
+  const from = camera();
+  if (from) change({ lights: { turn: turnLights(state.lights?.turn ?? [0, 0, 0, 1], from, right, down) } }, true);
+}
+
 const canvas = $("picture");
 let drag = null;
 canvas.addEventListener("pointerdown", (event) => {
   canvas.setPointerCapture(event.pointerId);
   canvas.focus();
-  drag = { x: event.clientX, y: event.clientY, pans: event.shiftKey || event.button !== 0 };
+  drag = { x: event.clientX, y: event.clientY, pans: event.shiftKey || event.button !== 0, lights: draggingLights || event.ctrlKey };
   event.preventDefault();
 });
 canvas.addEventListener("pointermove", (event) => {
@@ -227,7 +239,8 @@ canvas.addEventListener("pointermove", (event) => {
   const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
   [drag.x, drag.y] = [event.clientX, event.clientY];
   const height = canvas.clientHeight;
-  turn((c) => (drag.pans ? pan(c, dx / height, dy / height) : orbit(c, dx / height * Math.PI, dy / height * Math.PI)));
+  if (drag.lights && !drag.pans) light(dx / height * Math.PI, dy / height * Math.PI);
+  else turn((c) => (drag.pans ? pan(c, dx / height, dy / height) : orbit(c, dx / height * Math.PI, dy / height * Math.PI)));
 });
 for (const name of ["pointerup", "pointercancel"]) {
   canvas.addEventListener(name, () => { if (drag) { drag = null; change({}); } });
@@ -309,6 +322,7 @@ const next = (id, by = 1) => () => {
 const ACTIONS = {
   "to-first": () => step(scene?.first), back: () => step(state.frame - 1), play, forward: () => step(state.frame + 1),
   "to-last": () => step(scene?.last), copy, reset: () => change({ camera: null }),
+  "lights-drag": dragLights, "lights-reset": () => change({ lights: null }),
   "shutter-reset": () => change({ shutter: null }),
   "save-png": () => save("png"), "save-exr": () => save("exr"), "save-scene": () => save("scene"),
   "save-movie": film,
@@ -333,6 +347,7 @@ addEventListener("keydown", (event) => {
   if (key === " " && target.matches("button")) return;
   const arrow = ARROWS[key];
   if (arrow && target === slider) view.move(view.split + 0.02 * arrow[0]);
+  else if (arrow && draggingLights && !event.shiftKey) light(0.06 * arrow[0], 0.06 * arrow[1]);
   else if (arrow) turn((c) => (event.shiftKey ? pan(c, 0.03 * arrow[0], 0.03 * arrow[1]) : orbit(c, 0.06 * arrow[0], 0.06 * arrow[1])));
   else if (KEYS[key]) KEYS[key]();
   else return;
