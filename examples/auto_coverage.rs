@@ -1,6 +1,6 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
-//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [kind=plain|hard|captures]
+//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [kind=plain|hard|lit|captures]
 //! [list=yes] [truth=reference] [detail=full]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
@@ -22,7 +22,7 @@ use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
 use support::blocks::worst_block;
-use support::random_scenes::{Models, random, random_hard, random_with_captures};
+use support::random_scenes::{Models, random, random_hard, random_lit, random_with_captures};
 use support::scenes::{converged, kept};
 
 /// Targets: draft, good and final.
@@ -47,6 +47,7 @@ fn main() {
     let detail: Detail = asked.value("detail").map_or_else(Detail::default, |text| text.parse().unwrap());
     let of_kind = match asked.value("kind").unwrap_or("hard") {
         "plain" => random,
+        "lit" => random_lit,
         "captures" => random_with_captures,
         _ => random_hard,
     };

@@ -99,7 +99,7 @@ fn matte(scene: &Scene, shown: &Range<usize>) -> Scene {
     let mut scene = scene.clone();
     scene.image.transparent = true;
     scene.environment = None;
-    scene.lights = vec![Light::directional(DVec3::NEG_Z, DVec3::ONE)];
+    scene.lights = vec![Light::directional(DVec3::NEG_Z, DVec3::ONE).without_shadows()];
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let specular = if shown.contains(&i) { 1.0 } else { 0.0 };
         object.shape.set_material(Material { ambient: 0.0, diffuse: 0.0, specular, shininess: 0.0 });

@@ -291,9 +291,8 @@ pub(crate) fn render_checked(
 
 /// The scene with the surfels that a frame needs. Of a scene with these it is the same.
 fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) -> Cut<'a> {
-    // What is coarse for the eye, or out of its view, may cast a shadow.
-    match options.detail.error(options.quality).filter(|_| !has_shadows(scene, options)) {
-        Some(error) => scene.cut(frame.get(), CutTolerance::of(error)),
+    match options.detail.error(options.quality) {
+        Some(error) => scene.cut(frame.get(), CutTolerance::of(error), has_shadows(scene, options)),
         None => Cut::whole(scene),
     }
 }

@@ -322,6 +322,42 @@ pub fn random_hard(models: &Models, seed: u64, index: u64) -> Scene {
     made
 }
 
+/// As [`random_hard`], over a floor or before a wall that rest, with one to three lights of any size that have shadows.
+pub fn random_lit(models: &Models, seed: u64, index: u64) -> Scene {
+    let mut made = random_hard(models, seed, index);
+    let mut dice = Dice(Pcg64::seed_from_u64(seed.wrapping_mul(13_000_003).wrapping_add(index)));
+    let mut ground = object(splatblur::model::Surfels::default());
+    ground.shape = models.wall.clone();
+    ground.shape.surface_mut().expect("a surface").two_sided = true;
+    let scale = DVec3::splat(dice.within(1.0, 3.0));
+    ground.transform = if dice.chance(0.7) {
+        let translate = DVec3::new(0.0, -1.2, 0.0);
+        let rotate = DVec3::new(dice.within(-100.0, -70.0), dice.within(-20.0, 20.0), 0.0);
+        Trs { translate, rotate, scale, ..Trs::default() }
+    } else {
+        let rotate = DVec3::new(0.0, dice.within(-20.0, 20.0), 0.0);
+        Trs { translate: DVec3::new(0.0, 0.0, -2.0), rotate, scale, ..Trs::default() }
+    };
+    "ground".clone_into(&mut ground.name);
+    made.objects.push(ground);
+    made.lights = vec![Light::Ambient { colour: DVec3::splat(0.3) }];
+    for _ in 0..=dice.below(3) {
+        let colour = DVec3::splat(dice.within(0.3, 0.9));
+        let from = DVec3::new(dice.within(-1.5, 1.5), 1.0, dice.within(-0.5, 2.0));
+        // From a point to what is a quarter of the sky wide.
+        let size = if dice.chance(0.2) { 0.0 } else { dice.within(0.0, 1.0).powi(2) };
+        made.lights.push(if dice.chance(0.6) {
+            Light::Directional { direction: -from.normalize(), colour, angle: 1.5 * size, shadows: true }
+        } else {
+            let position = from * dice.within(1.5, 3.0);
+            let colour = colour * position.length_squared();
+            Light::Point { position, colour, radius: size, shadows: true }
+        });
+    }
+    made.name = format!("lit_{seed}_{index}");
+    made
+}
+
 /// As [`random`], with some of the objects captures, at least the first.
 pub fn random_with_captures(models: &Models, seed: u64, index: u64) -> Scene {
     let mut made = random(models, seed, index);

@@ -277,7 +277,7 @@ class Light:
     place: tuple[float, float, float]
     colour: tuple[float, float, float]
     size: float = 0.0
-    shadows: bool = False
+    shadows: bool = True
 
     @classmethod
     def directional(
@@ -286,7 +286,7 @@ class Light:
         colour: npt.ArrayLike | None = None,
         *,
         angle: float = 0.5,
-        shadows: bool = False,
+        shadows: bool = True,
         color: npt.ArrayLike | None = None,
     ) -> Light:
         """Light that travels along `direction`, (3,), from infinitely far. One number is a grey colour."""
@@ -305,7 +305,7 @@ class Light:
         colour: npt.ArrayLike | None = None,
         *,
         radius: float = 0.0,
-        shadows: bool = False,
+        shadows: bool = True,
         color: npt.ArrayLike | None = None,
     ) -> Light:
         """A light at `position`, (3,), that falls off with the square of the distance."""
@@ -315,7 +315,7 @@ class Light:
     @classmethod
     def ambient(cls, colour: npt.ArrayLike | None = None, *, color: npt.ArrayLike | None = None) -> Light:
         """Light from everywhere."""
-        return cls("ambient", (0.0, 0.0, 0.0), _colour(colour, color))
+        return cls("ambient", (0.0, 0.0, 0.0), _colour(colour, color), shadows=False)
 
     @property
     def color(self) -> tuple[float, float, float]:

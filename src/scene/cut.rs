@@ -4,6 +4,7 @@
 //! any part of a sequence can be rendered by itself.
 
 mod blocks;
+mod shadows;
 mod volumes;
 
 pub(crate) use blocks::BlockErrors;
@@ -12,6 +13,7 @@ use std::borrow::Cow;
 
 use glam::{DMat3, DMat4, DVec2, DVec3, Vec3};
 
+use self::shadows::{Lamps, ShadowView};
 use super::pose::{camera_from_world, object_pose};
 use super::shape::{Shape, Surface};
 use super::values::{Object, Scene};
@@ -79,10 +81,12 @@ impl<'a> Cut<'a> {
 }
 
 impl Scene {
-    /// The scene with those surfels of its models that frame `number` needs within `tolerance`.
+    /// The scene with those surfels of its models that frame `number` needs within `tolerance`. `shadows`: those of its
+    /// lights show, so what casts them may have to be finer than it looks.
     ///
     /// Models keep all their surfels where they are few, or loose, or files of a sequence.
-    pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance) -> Cut<'_> {
+    pub(crate) fn cut(&self, number: f64, tolerance: CutTolerance, shadows: bool) -> Cut<'_> {
+        let lamps = shadows.then(|| Lamps::of(self, number));
         let image = ImagePlane::of(self);
         let mut errors = BlockErrors::of_size(image.size);
         let cut = |object: &Object| {
@@ -96,7 +100,7 @@ impl Scene {
                     let model = volumes::cut(
                         model,
                         object.opacity,
-                        &views(self, object, number),
+                        &views(self, object, number, None),
                         tolerance,
                         image,
                         &mut errors,
@@ -107,7 +111,7 @@ impl Scene {
             };
             let mirrors = if self.environment.is_some() { surface.reflection } else { 0.0 };
             let model = model.cut(surface.material, |levels| {
-                let views = views(self, object, number);
+                let views = views(self, object, number, lamps.as_ref());
                 let origin = model.surfels().origin;
                 let mut nodes = Vec::new();
                 if !views.is_empty() {
@@ -149,6 +153,7 @@ struct View {
     near: f64,
     /// Factors on velocities and accelerations of its points.
     elapsed: [f64; 2],
+    shadows: ShadowView,
 }
 
 impl View {
@@ -176,6 +181,14 @@ impl View {
         self.density_in(self.corners(node).map(|corner| corner + origin))
     }
 
+    /// Pixels of a length of 1 of the model in the shadows of `node`; 0 where none shows.
+    fn density_of_shadows(&self, node: &Node, origin: DVec3) -> f64 {
+        let [low, high] = self.corners(node).map(|corner| corner + origin);
+        let centre = self.camera_from_model.transform_point3(0.5 * (low + high));
+        let radius = 0.5 * (high - low).length() * self.pixels / self.focal;
+        self.pixels * self.shadows.magnification(centre, radius)
+    }
+
     /// Pixels of a length of 1 of the model where a box is nearest.
     fn density_in(&self, [low, high]: [DVec3; 2]) -> f64 {
         let nearest = self.camera_from_model.transform_point3(self.eye.clamp(low, high)).length();
@@ -185,7 +198,7 @@ impl View {
 
 /// The object at the ends of the parts of its exposure; those at which it is hidden are left out. One where nothing
 /// moves.
-fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
+fn views(scene: &Scene, object: &Object, number: f64, lamps: Option<&Lamps>) -> Vec<View> {
     let [early, late] = scene.shutter.readout.delays();
     let focal = focal_length(f64::from(scene.image.height), scene.camera.fovy);
     let at = |part: usize| {
@@ -203,10 +216,14 @@ fn views(scene: &Scene, object: &Object, number: f64) -> Vec<View> {
         let [velocity, acceleration, _] = elapsed(travelled);
         let elapsed = [velocity, acceleration];
         let sound = pose.visible && scale > 0.0 && eye.is_finite();
-        sound.then_some(View { camera_from_model, model_from_camera, eye, pixels, focal, near, elapsed })
+        let shadows = lamps.map(|lamps| ShadowView::of(lamps, scene, ImagePlane::of(scene), focal, time));
+        let shadows = shadows.unwrap_or_default();
+        sound.then_some(View { camera_from_model, model_from_camera, eye, pixels, focal, near, elapsed, shadows })
     };
     let mut views: Vec<View> = (0..=PARTS).filter_map(at).collect();
-    views.dedup_by(|a, b| a.camera_from_model == b.camera_from_model && a.elapsed == b.elapsed);
+    // Lights do not move, so an object that rests before the camera has the same shadows only where the camera rests.
+    let same_shadows = lamps.is_none() || scene.camera.rests();
+    views.dedup_by(|a, b| same_shadows && a.camera_from_model == b.camera_from_model && a.elapsed == b.elapsed);
     views
 }
 
@@ -302,9 +319,10 @@ impl Chooser<'_> {
         self.views.iter().map(|view| view.density(node, self.origin)).fold(0.0, f64::max)
     }
 
-    /// How far surfels below `node` are from its own, pixels: the largest of the exposure.
+    /// How far surfels below `node`, or their shadows, are from its own, pixels: the largest of the exposure.
     fn deviation(&self, node: &Node) -> f64 {
-        let of = |view: &View| view.deviation(node) * view.density(node, self.origin);
+        let density = |view: &View| view.density(node, self.origin).max(view.density_of_shadows(node, self.origin));
+        let of = |view: &View| view.deviation(node) * density(view);
         self.views.iter().map(of).fold(0.0, f64::max)
     }
 

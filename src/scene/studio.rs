@@ -177,7 +177,7 @@ fn lamps(camera: &Camera, up: DVec3, key_has_shadows: bool) -> Vec<Light> {
             let (sin, cos) = libm::sincos(around.to_radians());
             let (height, flat) = libm::sincos(above.to_radians());
             let towards = (front * cos + right * sin) * flat + up * height;
-            Light::directional(-towards.normalize(), DVec3::splat(radiance))
+            Light::directional(-towards.normalize(), DVec3::splat(radiance)).without_shadows()
         })
         .collect();
     if let Some(Light::Directional { angle, shadows, .. }) = lights.first_mut() {

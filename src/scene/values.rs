@@ -193,21 +193,21 @@ impl Light {
     /// Angle under which a directional light is seen by default, degrees: about that of the sun.
     pub(crate) const ANGLE_DEGREES: f64 = 0.5;
 
-    /// Light that travels along the unit vector `direction`, half a degree wide, without shadows.
+    /// Light that travels along the unit vector `direction`, half a degree wide, with shadows.
     pub const fn directional(direction: DVec3, colour: DVec3) -> Self {
-        Self::Directional { direction, colour, angle: Self::ANGLE_DEGREES.to_radians(), shadows: false }
+        Self::Directional { direction, colour, angle: Self::ANGLE_DEGREES.to_radians(), shadows: true }
     }
 
-    /// A point at `position`, of light `colour` at distance 1, without shadows.
+    /// A point at `position`, of light `colour` at distance 1, with shadows.
     pub const fn point(position: DVec3, colour: DVec3) -> Self {
-        Self::Point { position, colour, radius: 0.0, shadows: false }
+        Self::Point { position, colour, radius: 0.0, shadows: true }
     }
 
-    /// The same light with shadows.
+    /// The same light, from which nothing is hidden.
     #[must_use]
-    pub const fn with_shadows(mut self) -> Self {
+    pub const fn without_shadows(mut self) -> Self {
         if let Self::Directional { shadows, .. } | Self::Point { shadows, .. } = &mut self {
-            *shadows = true;
+            *shadows = false;
         }
         self
     }

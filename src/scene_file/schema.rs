@@ -303,7 +303,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("intensity", ValueKind::Number(INTENSITY), Value("1"), "factor on `colour`"),
             only(
                 &["directional", "point"],
-                row("shadows", ValueKind::Boolean, Value("false"), "true: surfaces cast shadows in it"),
+                row("shadows", ValueKind::Boolean, Value("true"), "true: surfaces cast shadows in it"),
             ),
             only(
                 &["directional"],

@@ -165,8 +165,8 @@ impl Xml {
         let largest = colour.max_element();
         let intensity = if largest > LIGHT.1 { largest.log2().ceil().exp2().min(MOST_INTENSITY) } else { 1.0 };
         attributes.extend([("colour", vector(colour / intensity)), ("intensity", number(intensity))]);
-        if light.has_shadows() {
-            attributes.push(("shadows", "true".to_owned()));
+        if !light.has_shadows() && !matches!(light, Light::Ambient { .. }) {
+            attributes.push(("shadows", "false".to_owned()));
         }
         attributes.extend(size);
         self.line(1, "light", &attributes);

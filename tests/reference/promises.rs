@@ -50,7 +50,7 @@ fn busy_scene(size: u32) -> Scene {
     still.motions = vec![Motion::Linear { velocity: DVec3::new(5.0, 0.0, 0.0) }];
     still.blur = false;
     scene.objects.extend([wall, still]);
-    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)));
+    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)).without_shadows());
     scene
 }
 

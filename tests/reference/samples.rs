@@ -92,8 +92,8 @@ fn crowd() -> Scene {
     }
     scene.lights = vec![
         Light::Ambient { colour: DVec3::new(0.3, 0.2, 0.1) },
-        Light::directional(DVec3::new(0.3, -1.0, 0.4).normalize(), DVec3::new(0.5, 0.6, 0.7)),
-        Light::point(eye + DVec3::new(0.5, 1.5, 0.3), DVec3::new(2.0, 1.0, 1.5)),
+        Light::directional(DVec3::new(0.3, -1.0, 0.4).normalize(), DVec3::new(0.5, 0.6, 0.7)).without_shadows(),
+        Light::point(eye + DVec3::new(0.5, 1.5, 0.3), DVec3::new(2.0, 1.0, 1.5)).without_shadows(),
     ];
     scene
 }

@@ -183,7 +183,7 @@ fn a_sky_beside_a_lamp() {
     let lamp = DVec3::new(0.5, 2.5, -0.4);
     let balls = [(0.3, DVec3::new(0.0, 1.2, -0.2), DVec3::new(0.2, -0.8, 0.1))];
     let mut scene = under(objects(&balls), environment.clone());
-    scene.lights = vec![Light::point(lamp, DVec3::splat(2.0)).with_shadows()];
+    scene.lights = vec![Light::point(lamp, DVec3::splat(2.0))];
     check("sky and lamp", &scene, &balls, |place| {
         let to = lamp - place;
         let free = |step: &i32| is_free(place, to.normalize(), &balls, (f64::from(*step) + 0.5) / 2000.0);

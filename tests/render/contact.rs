@@ -32,7 +32,7 @@ fn ball_on_a_floor() -> Scene {
     });
     let mut scene = scene(objects.into(), [SIZE[0] as u32, SIZE[1] as u32], DVec3::new(0.0, 0.2, 6.0), 30.0);
     scene.lights = vec![
-        Light::directional(DVec3::new(-0.4, -1.0, -1.0).normalize(), DVec3::ONE),
+        Light::directional(DVec3::new(-0.4, -1.0, -1.0).normalize(), DVec3::ONE).without_shadows(),
         Light::Ambient { colour: DVec3::splat(0.3) },
     ];
     scene

@@ -49,7 +49,7 @@ fn busy() -> Scene {
     let mut wall = object(patch(2.0, 0.03, Vec3::new(0.2, 0.5, 0.3)));
     wall.transform.translate = DVec3::new(0.3, 0.0, -1.5);
     scene.objects.push(wall);
-    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)));
+    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)).without_shadows());
     scene
 }
 

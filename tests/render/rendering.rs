@@ -76,7 +76,7 @@ fn busy_scene() -> Scene {
         Some(Material { ambient: 0.5, diffuse: 0.8, specular: 0.4, shininess: 12.0 });
     wall.motions = vec![Motion::Linear { velocity: DVec3::new(-0.3, 0.2, 0.1) }];
     scene.objects.push(wall);
-    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)));
+    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)).without_shadows());
     scene
 }
 
@@ -180,7 +180,7 @@ fn back_faces_are_culled_unless_two_sided() {
     lit.shape.surface_mut().unwrap().material =
         Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     let mut scene = scene(vec![lit], [9, 9], DVec3::new(0.0, 0.0, 4.0), 20.0);
-    scene.lights = vec![Light::directional(-DVec3::Z, DVec3::ONE)];
+    scene.lights = vec![Light::directional(-DVec3::Z, DVec3::ONE).without_shadows()];
     assert_eq!(pixel(&render(&scene, &still()), 4, 4)[0], 0.0);
     for shading in [Shading::Phong, Shading::Gouraud] {
         let shown = pixel(
@@ -199,14 +199,14 @@ fn mirrored_objects_show_the_same_side() {
     mirrored.shape.surface_mut().unwrap().material =
         Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     let mut scene = scene(vec![mirrored], [9, 9], DVec3::new(0.0, 0.0, 4.0), 20.0);
-    scene.lights = vec![Light::directional(-DVec3::Z, DVec3::ONE)];
+    scene.lights = vec![Light::directional(-DVec3::Z, DVec3::ONE).without_shadows()];
     assert!((pixel(&render(&scene, &still()), 4, 4)[0] - 1.0).abs() < 1e-5);
 }
 
 #[test]
 fn light_comes_from_where_the_scene_says() {
     let mut scene = sphere_scene(40_000, 128, false);
-    scene.lights = vec![Light::directional(DVec3::new(-1.0, -1.0, -1.0).normalize(), DVec3::ONE)];
+    scene.lights = vec![Light::directional(DVec3::new(-1.0, -1.0, -1.0).normalize(), DVec3::ONE).without_shadows()];
     scene.objects[0].shape.surface_mut().unwrap().material =
         Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     for shading in [Shading::Phong, Shading::Gouraud] {
@@ -225,7 +225,7 @@ fn phong_and_gouraud_agree_on_flat_surfaces() {
         Some(Material { ambient: 0.7, diffuse: 0.9, specular: 0.3, shininess: 8.0 });
     let mut scene = scene(vec![flat], [32, 32], DVec3::new(0.0, 0.0, 4.0), 20.0);
     scene.lights = default_lights();
-    scene.lights.push(Light::point(DVec3::new(0.5, 0.5, 1.5), DVec3::splat(1.5)));
+    scene.lights.push(Light::point(DVec3::new(0.5, 0.5, 1.5), DVec3::splat(1.5)).without_shadows());
     let phong = render(&scene, &still());
     let gouraud =
         render(&scene, &RenderOptions { look: Look { shading: Shading::Gouraud, ..still().look }, ..still() });

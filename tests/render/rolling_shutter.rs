@@ -191,7 +191,7 @@ fn lively(seed: u64, rolling: Readout) -> Scene {
         scene.camera.motions =
             vec![Motion::Rotation { axis: DVec3::Y, per_frame: 0.15, centre: DVec3::new(0.0, 0.0, 4.0) }];
     }
-    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)));
+    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)).without_shadows());
     (scene.shutter.open, scene.shutter.close) = (-0.2, 0.2);
     scene.shutter.readout = rolling;
     scene

@@ -159,7 +159,7 @@ fn moving_ball(on: &mut dyn Backend, modes: &[&str]) {
     ball.motions = vec![Motion::Linear { velocity }];
     let mut scene = from_above(vec![floor, ball], [96, 32]);
     (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
-    scene.lights = vec![Light::point(lamp, DVec3::splat(4.0)).with_shadows()];
+    scene.lights = vec![Light::point(lamp, DVec3::splat(4.0))];
     let pixel = 2.0 * half_height() / 32.0;
     let truth = |x: f64, z: f64| {
         let place = DVec3::new(x, 0.0, z);
@@ -211,7 +211,7 @@ fn own_shadow(on: &mut dyn Backend, mode: &str) {
     ball.motions = vec![Motion::Linear { velocity: DVec3::X * 0.2 }];
     scene.objects.push(ball);
     (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
-    scene.lights = vec![Light::directional(DVec3::new(-0.8, -1.0, 0.3).normalize(), DVec3::ONE).with_shadows()];
+    scene.lights = vec![Light::directional(DVec3::new(-0.8, -1.0, 0.3).normalize(), DVec3::ONE)];
     let mut picture = |mode: &str, shadows| {
         let look = Look { shadows, ..Look::default() };
         render(on, &scene, &RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() })
@@ -239,7 +239,7 @@ fn intervals_have_the_shadows_of_their_middles() {
 fn the_gpu_refuses_shadows_of_intervals() {
     let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_refuses_shadows_of_intervals") else { return };
     let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
-    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
+    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE)];
     for quality in ["volumetric:2", "volumetric:2+published"] {
         let options = RenderOptions { quality: quality.parse().unwrap(), ..RenderOptions::default() };
         let refused = render_frame(&mut gpu, &scene, 0, &options);
@@ -275,7 +275,7 @@ fn what_faces_the_light_is_lit(on: &mut dyn Backend) {
     }
     let mut scene = from_above(vec![square([-1.0, -0.5], [1.0, 0.5], 0.0, 0.03)], [96, 64]);
     let (sine, cosine) = 85_f64.to_radians().sin_cos();
-    scene.lights = vec![Light::directional(DVec3::new(sine, -cosine, 0.0), DVec3::splat(10.0)).with_shadows()];
+    scene.lights = vec![Light::directional(DVec3::new(sine, -cosine, 0.0), DVec3::splat(10.0))];
     let worst = worst_square(&render(on, &scene, &options), &render(on, &scene, &shadowless));
     println!("grazed plane: {worst:.4}");
     assert!(worst < 0.02, "{worst}");
@@ -286,7 +286,7 @@ fn contacts_stay_dark(on: &mut dyn Backend) {
     let floor = square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.02);
     let sheet = square([-0.1, -0.1], [0.1, 0.1], 0.02, 0.01);
     let mut scene = from_above(vec![floor, sheet], [96, 64]);
-    scene.lights = vec![Light::directional(DVec3::new(1.0, -0.6, 0.0).normalize(), DVec3::ONE).with_shadows()];
+    scene.lights = vec![Light::directional(DVec3::new(1.0, -0.6, 0.0).normalize(), DVec3::ONE)];
     let picture = render(on, &scene, &samples(16));
     let pixel = 2.0 * half_height() / 64.0;
     // The shadow reaches 1 / .6 of the sheet's height beyond its edge.
@@ -306,8 +306,8 @@ fn shadows_do_not_depend_on_threads_and_memory() {
     );
     scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::X }];
     scene.lights = vec![
-        Light::directional(DVec3::new(-0.4, -1.0, -0.5).normalize(), DVec3::ONE).with_shadows(),
-        Light::point(DVec3::new(1.0, 3.0, 2.0), DVec3::splat(3.0)).with_shadows(),
+        Light::directional(DVec3::new(-0.4, -1.0, -0.5).normalize(), DVec3::ONE),
+        Light::point(DVec3::new(1.0, 3.0, 2.0), DVec3::splat(3.0)),
     ];
     let options = RenderOptions {
         quality: BlurMode::Bucket {
@@ -338,7 +338,7 @@ fn shadows_do_not_depend_on_threads_and_memory() {
 /// What has no shadows says so, and leaves them out where it is told to.
 fn what_has_no_shadows_refuses_them(on: &mut dyn Backend) {
     let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
-    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE).with_shadows()];
+    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE)];
     // Surfels of a bucket are shaded at their own times.
     let look = Look { shading: Shading::Gouraud, ..Look::default() };
     for (mode, is_refused) in [("bucket:2x1", false), ("bucket:2x4", true)] {
@@ -365,7 +365,7 @@ fn the_backends_agree_in_mode_auto() {
     let floor = square([-3.0, -3.0], [3.0, 3.0], -0.4, 0.1);
     let mut scene = scene(vec![floor, ball], [96, 64], DVec3::new(-1.0, 1.2, 2.4), 40.0);
     scene.camera.at = DVec3::ZERO;
-    scene.lights = vec![Light::directional(DVec3::new(0.5, -1.0, -0.2).normalize(), DVec3::ONE).with_shadows()];
+    scene.lights = vec![Light::directional(DVec3::new(0.5, -1.0, -0.2).normalize(), DVec3::ONE)];
     let options = RenderOptions { quality: "auto".parse().unwrap(), ..RenderOptions::default() };
     let [cpu, gpu] = [&mut Cpu::default() as &mut dyn Backend, &mut gpu].map(|on| render(on, &scene, &options));
     let differ = cpu.rgba.iter().zip(&gpu.rgba).filter(|(a, b)| (a[0] - b[0]).abs() > 1e-4).count();
@@ -422,8 +422,7 @@ fn hard_scenes_have_the_shadows_of_the_reference(on: &mut dyn Backend) {
         shadows: true,
     };
     let slanted = DVec3::new(0.5, -1.0, -0.2);
-    let far =
-        |distance: f64| Light::point(-slanted.normalize() * distance, DVec3::splat(distance * distance)).with_shadows();
+    let far = |distance: f64| Light::point(-slanted.normalize() * distance, DVec3::splat(distance * distance));
     let mut exact = fine();
     exact.epsilon = Some(0.0);
     let cases = [
@@ -432,7 +431,7 @@ fn hard_scenes_have_the_shadows_of_the_reference(on: &mut dyn Backend) {
         ("far point", fine(), far(1e4)),
         ("farther point", fine(), far(5e5)),
         ("tolerance 0", exact, sun(slanted)),
-        ("near point", fine(), Light::point(DVec3::new(-0.4, 0.5, 0.1), DVec3::ONE).with_shadows()),
+        ("near point", fine(), Light::point(DVec3::new(-0.4, 0.5, 0.1), DVec3::ONE)),
     ];
     for (name, floor, light) in cases {
         let mut scene = scene(vec![floor, ball()], [96, 64], DVec3::new(-2.0, 1.0, 2.0), 40.0);

@@ -24,7 +24,7 @@ fn ball(velocity: DVec3, acceleration: DVec3, motions: Vec<Motion>) -> Scene {
     model.velocity_unit = VelocityUnit::Frame;
     scene.objects[0] = object(model);
     scene.objects[0].motions = motions;
-    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)));
+    scene.lights.push(Light::point(DVec3::new(1.0, 1.5, 2.0), DVec3::new(2.0, 1.5, 1.0)).without_shadows());
     scene
 }
 

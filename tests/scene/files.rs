@@ -280,7 +280,7 @@ fn defaults_are_those_of_the_document() {
 #[test]
 fn lights_with_shadows_are_read_and_written() {
     let lights = "<light type='directional' shadows='true' angle='2.5'/>
-        <light type='point' position='1 2 3' radius='0.25'/><light type='point' position='1 2 3' shadows='true'/>";
+        <light type='point' position='1 2 3' radius='0.25' shadows='false'/><light type='point' position='1 2 3'/>";
     let dir = Dir::new(scene(lights, ""));
     let s = dir.load().unwrap().scene;
     let shadows: Vec<bool> = s.lights.iter().map(Light::has_shadows).collect();

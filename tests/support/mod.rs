@@ -130,7 +130,7 @@ pub fn scene(objects: Vec<Object>, size: [u32; 2], eye: DVec3, fovy_degrees: f64
 /// Key light and ambient light of the speed-test scene.
 pub fn default_lights() -> Vec<Light> {
     vec![
-        Light::directional(DVec3::new(-0.5, -1.0, -0.8).normalize(), DVec3::splat(0.9)),
+        Light::directional(DVec3::new(-0.5, -1.0, -0.8).normalize(), DVec3::splat(0.9)).without_shadows(),
         Light::Ambient { colour: DVec3::splat(0.3) },
     ]
 }

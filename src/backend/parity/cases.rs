@@ -119,9 +119,9 @@ pub(in crate::backend) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
         shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 }, ..Shutter::default() },
         camera: Camera::new(eye, eye - DVec3::Z),
         lights: vec![
-            Light::directional(DVec3::new(-0.5, -1.0, -0.8).normalize(), DVec3::splat(0.9)),
+            Light::directional(DVec3::new(-0.5, -1.0, -0.8).normalize(), DVec3::splat(0.9)).without_shadows(),
             Light::Ambient { colour: DVec3::new(0.3, 0.2, 0.4) },
-            Light::point(DVec3::new(1.0, 0.5, 2.0), DVec3::new(0.1, 0.4, 0.2)),
+            Light::point(DVec3::new(1.0, 0.5, 2.0), DVec3::new(0.1, 0.4, 0.2)).without_shadows(),
         ],
         environment: None,
         objects,

@@ -40,8 +40,8 @@ fn balls() -> Scene {
 }
 
 fn cases() -> Vec<Case> {
-    let sun = Light::directional(DVec3::new(-0.5, -1.0, -0.3).normalize(), DVec3::splat(0.6)).with_shadows();
-    let lamp = Light::point(DVec3::new(0.3, 1.2, -1.0), DVec3::splat(0.8)).with_shadows();
+    let sun = Light::directional(DVec3::new(-0.5, -1.0, -0.3).normalize(), DVec3::splat(0.6));
+    let lamp = Light::point(DVec3::new(0.3, 1.2, -1.0), DVec3::splat(0.8));
     let fill = Light::Ambient { colour: DVec3::splat(0.2) };
     let case = |name, lights: &[Light], shading, prefilter| {
         let mut scene = balls();

@@ -56,7 +56,7 @@ fn stripes(_: usize, y: usize) -> f32 {
 }
 
 fn surfels(scene: &Scene, tolerance: CutTolerance) -> usize {
-    scene.cut(NUMBER, tolerance).scene.objects[0].shape.elements()
+    scene.cut(NUMBER, tolerance, false).scene.objects[0].shape.elements()
 }
 
 const TIGHT: CutTolerance = CutTolerance { rest: 0.02, deviation: 10.0 };
@@ -135,11 +135,45 @@ fn what_is_at_the_eye_stays_fine() {
     scene.camera.at = DVec3::new(3.0, 40.0, 0.0);
     scene.camera.up = DVec3::Z;
     (scene.image.width, scene.image.height) = (16, 16);
-    let cut = scene.cut(NUMBER, CutTolerance::of(0.025)).scene;
+    let cut = scene.cut(NUMBER, CutTolerance::of(0.025), false).scene;
     let near = |place: &Vec3| place.truncate().distance(glam::Vec2::new(3.0, 2.0)) < 6.0;
     let count = |scene: &Scene| scene.objects[0].shape.positions().iter().filter(|place| near(place)).count();
     assert_eq!(count(&cut), count(&scene));
     assert!(cut.objects[0].shape.elements() < SIDE * SIDE);
+}
+
+/// What is far from the eye may cast a shadow near to it, and is then finer. Where its shadows do not show it is not.
+#[test]
+fn shadows_may_need_more_than_the_eye() {
+    let elements = |direction: DVec3, shadows: bool| {
+        let mut scene = plane(|_, _| 0.5, DVec3::ZERO);
+        // Rough: places do not lie on those of coarser surfels.
+        let rough = |i: usize| 3.0 * (noise(i % SIDE, i / SIDE) - 0.5);
+        let mut surfels = Surfels::clone(scene.objects[0].shape.surfels().unwrap().surfels());
+        (0..).zip(&mut surfels.position).for_each(|(i, place)| place.z = rough(i));
+        let far = Object { transform: scene.objects[0].transform.clone(), ..Object::new(surfels) };
+        let near = Object::new(round(DVec3::new(0.0, 0.0, 3000.0)));
+        scene.objects = vec![far, near];
+        (scene.camera.eye, scene.camera.at) = (DVec3::Z * 3100.0, DVec3::ZERO);
+        scene.lights = vec![Light::directional(direction, DVec3::ONE)];
+        scene.cut(NUMBER, CutTolerance::of(0.025), shadows).scene.objects[0].shape.elements()
+    };
+    let [without, towards, away] = [(DVec3::Z, false), (DVec3::Z, true), (DVec3::NEG_Z, true)]
+        .map(|(direction, shadows)| elements(direction, shadows));
+    assert!(without * 4 < SIDE * SIDE && towards > 3 * without, "{without} {towards}");
+    assert_eq!(away, without);
+}
+
+/// A surfel.
+fn round(place: DVec3) -> Surfels {
+    Surfels {
+        position: vec![place.as_vec3()],
+        axis_u: vec![Vec3::X],
+        axis_v: vec![Vec3::Y],
+        normal: vec![Vec3::Z],
+        colour: vec![Vec3::ONE],
+        ..Surfels::default()
+    }
 }
 
 #[test]
@@ -162,11 +196,11 @@ fn what_has_no_cut_is_as_it_was() {
 #[test]
 fn cuts_are_made_once() {
     let scene = plane(noise, DVec3::ZERO);
-    let far = |number: f64| scene.cut(number, CutTolerance::of(0.2)).scene.into_owned();
+    let far = |number: f64| scene.cut(number, CutTolerance::of(0.2), false).scene.into_owned();
     let (one, two) = (far(0.0), far(7.0));
     let surfels = |scene: &Scene| std::sync::Arc::clone(scene.objects[0].shape.surfels().unwrap().surfels());
     assert!(surfels(&one).len() < SIDE * SIDE && std::sync::Arc::ptr_eq(&surfels(&one), &surfels(&two)));
-    assert!(matches!(one.cut(0.0, CutTolerance::of(1.0)).scene, Cow::Borrowed(_)));
+    assert!(matches!(one.cut(0.0, CutTolerance::of(1.0), false).scene, Cow::Borrowed(_)));
 }
 
 /// What a cut says of its error is what pictures differ by, within a factor of two: in rest, and where motion leaves
@@ -196,7 +230,7 @@ fn a_cut_knows_its_error() {
     assert!(stated[2] < stated[0], "{stated:?}");
     // What is beside the image, or behind the camera, is not missed.
     let mut scene = plane(faint, DVec3::ZERO);
-    let error = |scene: &Scene| scene.cut(NUMBER, CutTolerance::of(0.05)).errors.whole();
+    let error = |scene: &Scene| scene.cut(NUMBER, CutTolerance::of(0.05), false).errors.whole();
     let whole = error(&scene);
     scene.camera.shift.x = 0.5;
     let half = error(&scene);

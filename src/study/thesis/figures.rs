@@ -117,7 +117,7 @@ pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
     (scene.image.width, scene.image.height) = (size[0], size[1]);
     scene.shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Box, ..Shutter::default() };
     scene.lights = vec![
-        Light::directional(DVec3::new(-0.5, -0.8, -1.0).normalize(), DVec3::splat(0.9)),
+        Light::directional(DVec3::new(-0.5, -0.8, -1.0).normalize(), DVec3::splat(0.9)).without_shadows(),
         Light::Ambient { colour: DVec3::splat(0.3) },
     ];
     scene

@@ -111,6 +111,7 @@ impl Thesis {
             look: Look {
                 // The thesis samples pixel centres, with the approximate prefilter (4.2.3).
                 filter: PixelFilter::Point,
+                shadows: false,
                 ..Look::default()
             },
             detail: Detail::Full,

@@ -66,7 +66,7 @@ impl Thesis {
         }
         let options = ReferenceOptions {
             samples: RAYS,
-            look: Look { aovs: vec![Aov::Alpha], ..Look::default() },
+            look: Look { shadows: false, aovs: vec![Aov::Alpha], ..Look::default() },
             ..ReferenceOptions::default()
         };
         let truth = reference::render(scene, 0, &options, None, &|_| {})?;

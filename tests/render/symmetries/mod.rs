@@ -71,7 +71,7 @@ fn random_scene(seed: u64) -> Scene {
     });
     let mut scene = scene(objects.collect(), SIZE, DVec3::new(0.0, 0.0, 4.0), 40.0);
     scene.lights = default_lights();
-    scene.lights.push(Light::point(DVec3::new(1.5, 1.0, 2.5), DVec3::new(0.8, 0.9, 1.0)));
+    scene.lights.push(Light::point(DVec3::new(1.5, 1.0, 2.5), DVec3::new(0.8, 0.9, 1.0)).without_shadows());
     scene.image.transparent = true;
     (scene.shutter.open, scene.shutter.close) = (-0.5, 0.5);
     scene

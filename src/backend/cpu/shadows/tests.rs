@@ -41,7 +41,7 @@ fn casters(objects: Vec<Object>, light: Light, up: DVec3) -> usize {
     let mut scene = Scene::new(objects);
     (scene.image.width, scene.image.height) = (160, 120);
     scene.camera = Camera { up, ..Camera::new(up * 2.5 + up.any_orthonormal_vector() * 5.0, DVec3::ZERO) };
-    scene.lights = vec![light.with_shadows()];
+    scene.lights = vec![light];
     let frame = Frame::new(&scene, 0, BlurMode::supersample(1), &RenderOptions::default());
     let clusters = ClusterStore::default().of_frame(&frame);
     let sample = frame.all_samples().next().unwrap();
