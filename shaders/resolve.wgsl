@@ -11,6 +11,20 @@ override DEPTH_PLANE: u32 = 0u;
 override NORMAL_PLANE: u32 = 0u;
 override VELOCITY_PLANE: u32 = 0u;
 override PLANES: u32 = 4u;
+// Are all objects held?
+override ALL_HELD: bool = false;
+
+// Is the surface that is shaded that of a held object?
+var<private> is_held: bool;
+
+// Is the last light one direction of a sky, of which terms come behind the views of lights?
+override SKY: bool = false;
+
+// Share of the surface of the invocation's pixel on which shadows fall.
+var<private> receives: f32 = 1.0;
+
+// Share of a pixel beside shadow catchers below which rounding is all that there is.
+const ALL_CAUGHT: f32 = 1e-5;
 
 // The weight of a pixel's mean: the covered share of the pixel, times a weight. And whether the sums of the pixels
 // around it are there, too.
@@ -21,7 +35,8 @@ struct Share {
 }
 
 // Adds one pixel to tile `index` of the film. `sum_at`: its sum of weights, which must be > 0; other channels follow.
-fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: Share) {
+fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, of_layer: Share) {
+    var share = of_layer;
     let in_tile = pixel.y * TILE + pixel.x;
     let inverse = 1.0 / sums[sum_at];
     var colour = mean(sum_at, 1u, inverse);
@@ -44,6 +59,15 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
         let eye = towards_eye(ray);
         let m = mean_normal;
         let shaded = normal * agreement(m.x * m.x + m.y * m.y + m.z * m.z);
+        if RECEIVES != 0u { receives = sums[sum_at + RECEIVES * TILE_PIXELS] * inverse; }
+        var caught = 0.0;
+        if CATCHER != 0u {
+            caught = sums[sum_at + CATCHER * TILE_PIXELS] * inverse;
+            colour = without_white(colour, caught);
+        }
+        is_held = ALL_HELD;
+        // The object that most of a pixel shows decides.
+        if HELD != 0u { is_held = sums[sum_at + HELD * TILE_PIXELS] * inverse > 0.5; }
         colour = shade(view.first_light, view.lights, material, colour, shaded, ray * depth, eye);
         if FACE != 0u {
             var reflection = view.environment.w;
@@ -55,6 +79,12 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
             let y = below - towards;
             let steps = (x.x * x.x + x.y * x.y + x.z * x.z) + (y.x * y.x + y.y * y.y + y.z * y.z);
             colour += surroundings(towards, 0.5 * (view.pixel * view.pixel) * steps) * reflection;
+        }
+        if CATCHER != 0u {
+            let rest = select(0.0, 1.0 - caught, 1.0 - caught > ALL_CAUGHT);
+            let seen = rest + caught * taken_share(material, shaded, ray * depth);
+            share.covered *= seen;
+            colour *= select(0.0, rest / seen, seen > 0.0);
         }
     }
     let at = index * PLANES * TILE_PIXELS + in_tile;
@@ -73,6 +103,53 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
         deposit(x, share.weight * (share.covered * velocity_x));
         deposit(x + TILE_PIXELS, share.weight * (share.covered * velocity_y));
     }
+}
+
+// Of a mean colour the part that shadow catchers have none of: those are white, with the share `caught`.
+fn without_white(colour: vec3<f32>, caught: f32) -> vec3<f32> {
+    let rest = 1.0 - caught;
+    let own = max((colour - caught) / rest, vec3<f32>(0.0));
+    return select(vec3<f32>(0.0), own, rest > ALL_CAUGHT);
+}
+
+fn luminance(colour: vec3<f32>) -> f32 {
+    return 0.2126 * colour.x + 0.7152 * colour.y + 0.0722 * colour.z;
+}
+
+// The share of the light on white that shadows take away: the alpha of a shadow catcher. Twin: catch of
+// src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 55.
+fn taken_share(material: vec4<f32>, normal: vec3<f32>, place: vec3<f32>) -> f32 {
+    var all_light = 0.0;
+    var taken = 0.0;
+    let end = view.first_light + view.lights;
+    for (var i = view.first_light; i < end; i += 1u) {
+        let light = lights[i];
+        if light.vector.w == AMBIENT {
+            all_light += material.x * luminance(light.colour.xyz);
+            continue;
+        }
+        if light.vector.w == HARMONICS {
+            all_light += material.y * luminance(smooth_light(i, normal));
+            i += HARMONIC_RECORDS - 1u;
+            continue;
+        }
+        var towards = light.vector.xyz;
+        var falloff = 1.0;
+        if light.vector.w != DIRECTIONAL {
+            let d = light.vector.xyz - place;
+            falloff = 1.0 / max(d.x * d.x + d.y * d.y + d.z * d.z, 1e-30);
+            towards = d * sqrt(falloff);
+        }
+        let cosine = normal.x * towards.x + normal.y * towards.y + normal.z * towards.z;
+        let falls = material.y * max(cosine, 0.0) * falloff * luminance(light.colour.xyz);
+        taken += falls * (1.0 - reaching(light, normal, place));
+        if SKY && i + 1u == end {
+            all_light += material.y * luminance(smooth_light(sky_at(), normal));
+        } else {
+            all_light += falls;
+        }
+    }
+    return select(0.0, taken / all_light, all_light > 0.0);
 }
 
 // Share of a pixel that a layer covers whose sum of weights, > 0, is at `sum_at`. `covered`: whether a disc covers the

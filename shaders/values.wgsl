@@ -5,8 +5,8 @@
 //   in   segments, geometry, looks, lights, environment
 //        splats    in which their flags are
 //        touched
-//   out  values    for each slot: colour, then normal, velocity, material, reflection, opacity and tolerance where
-//                  wanted
+//   out  values    for each slot: colour, then normal, velocity, material, reflection, receiving, catching, being held,
+//                  opacity and tolerance where wanted
 // One invocation per surfel of a segment.
 
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
@@ -48,6 +48,9 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         normal = -normal;
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
+    let shadows = u32(segment.normal[2].w);
+    // What is seen of a shadow catcher is how much light falls on white.
+    if (shadows & 2u) != 0u { colour = vec3<f32>(1.0); }
     var material = segment.material;
     if (segment.flags & 2u) != 0u {
         let m = 2u * column + 4u * surfel;
@@ -98,6 +101,18 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
     if REFLECTION != 0u {
         values[next] = segment.normal[1].w;
+        next += 1u;
+    }
+    if RECEIVES != 0u {
+        values[next] = f32(shadows & 1u);
+        next += 1u;
+    }
+    if CATCHER != 0u {
+        values[next] = f32((shadows >> 1u) & 1u);
+        next += 1u;
+    }
+    if HELD != 0u {
+        values[next] = f32(shadows >> 2u);
         next += 1u;
     }
     if OPACITY != 0u {

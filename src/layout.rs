@@ -204,17 +204,25 @@ pub struct Channels {
     pub material: Option<usize>,
     /// Reflection coefficient; only where objects differ in it.
     pub reflection: Option<usize>,
+    /// 1 where shadows fall on the surfel, else 0; only where there are shadows and they do not fall on all.
+    pub receives: Option<usize>,
+    /// 1 for a shadow catcher, else 0; only where there is one.
+    pub catcher: Option<usize>,
+    /// 1 for held objects, 0 for others; only where shadows are asked and both are there.
+    pub held: Option<usize>,
     /// Opacity; only for what light passes through.
     pub opacity: Option<usize>,
     /// The material of all objects, where they have the same.
     pub uniform: Option<Material>,
     /// The reflection coefficient of all objects, where they have the same; else 0.
     pub mirror: f32,
+    /// Are all objects held?
+    pub all_held: bool,
 }
 
 impl Channels {
     /// Largest number of channels.
-    pub const MOST: usize = 16;
+    pub const MOST: usize = 19;
 
     /// The channels that `frame` needs.
     pub fn of(frame: &Frame) -> Self {
@@ -238,7 +246,27 @@ impl Channels {
         let material = take(deferred && uniform.is_none(), 4);
         let reflection = take(deferred && frame.surroundings.is_some() && mirror.is_none(), 1);
         let mirror = mirror.unwrap_or_default();
-        Self { count, normal, depth, velocity, material, reflection, opacity: None, uniform, mirror }
+        let opaque = || frame.objects.iter().filter(|object| object.has_surfels() && !object.see_through);
+        let receives = take(deferred && frame.has_shadows() && !opaque().all(|object| object.receives), 1);
+        let catcher = take(deferred && opaque().any(|object| object.catcher), 1);
+        let all_held = frame.holds();
+        let held = take(deferred && frame.has_shadows() && all_held.is_none(), 1);
+        let all_held = all_held.unwrap_or(false);
+        Self {
+            count,
+            normal,
+            depth,
+            velocity,
+            material,
+            reflection,
+            receives,
+            catcher,
+            held,
+            opacity: None,
+            uniform,
+            mirror,
+            all_held,
+        }
     }
 
     /// The same and the opacity.

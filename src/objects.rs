@@ -102,6 +102,7 @@ fn matte(scene: &Scene, shown: &Range<usize>) -> Scene {
     scene.lights = vec![Light::directional(DVec3::NEG_Z, DVec3::ONE).without_shadows()];
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let specular = if shown.contains(&i) { 1.0 } else { 0.0 };
+        object.shadow_catcher = false;
         object.shape.set_material(Material { ambient: 0.0, diffuse: 0.0, specular, shininess: 0.0 });
         if let Some(model) = object.shape.gaussians_mut() {
             model.flat = Some(Vec3::splat(specular));

@@ -162,14 +162,6 @@ impl Renderer {
         }
     }
 
-    /// Can this device draw the shadows of this scene with these options? True where there are none.
-    #[doc(hidden)]
-    pub fn draws_shadows(&self, scene: &Scene, options: &RenderOptions) -> bool {
-        let is_swept = matches!(options.quality, Quality::Mode(BlurMode::Volumetric { .. }));
-        let has_them = matches!(self.kind, DeviceKind::Cpu { .. }) || !is_swept;
-        !has_shadows(scene, options) || has_them && check_shadows(scene, options).is_ok()
-    }
-
     /// What renders, for people, as in `the CPU (8 threads; there is no hardware GPU)`.
     pub fn describe(&self) -> String {
         self.describe_with(rayon::current_num_threads())
@@ -381,20 +373,26 @@ fn has_shadows(scene: &Scene, options: &RenderOptions) -> bool {
     options.look.shadows && scene.has_shadows()
 }
 
-/// Refuses what has no shadows.
-fn check_shadows(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
-    // Surfels are shaded where they are at their own times, and maps are those of the middle.
-    if let (Shading::Gouraud, Quality::Mode(BlurMode::Bucket { samples: 2.., .. })) =
-        (options.look.shading, options.quality)
-    {
-        let what = "shading `gouraud` in buckets of several samples has";
-        return Err(BackendError::Shadows { what, instead: "shading `phong`" });
+/// Refuses shadow catchers that are none.
+fn check_catchers(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
+    let Some(object) = scene.objects.iter().find(|object| object.shadow_catcher) else { return Ok(()) };
+    let catcher = |why: &'static str, instead: &'static str| {
+        Err(BackendError::Catcher { object: object.name.clone(), why, instead })
+    };
+    let is_other = |object: &&Object| object.shape.is_composited() || object.is_see_through();
+    if let Some(object) = scene.objects.iter().filter(|object| object.shadow_catcher).find(is_other) {
+        let (why, instead) = ("which light passes through", "opaque surfels");
+        return Err(BackendError::Catcher { object: object.name.clone(), why, instead });
     }
-    if !scene.camera.rests() && scene.objects.iter().any(|object| !object.blur) {
-        let what = "`blur=\"false\"` before a camera that moves has";
-        return Err(BackendError::Shadows { what, instead: "a camera that rests" });
+    if options.look.shading == Shading::Gouraud {
+        return catcher("which shading `gouraud` cannot show", "shading `phong`");
     }
-    Ok(())
+    match options.quality {
+        Quality::Mode(BlurMode::Volumetric { .. }) => {
+            catcher("which mode `volumetric` cannot show", "`supersample`, `bucket` or `auto`")
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Refuses what does not go together.
@@ -407,9 +405,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let (true, Quality::Mode(BlurMode::Volumetric { .. })) = (scene.shutter.readout.rolls(), options.quality) {
         return Err(BackendError::RollingShutter);
     }
-    if has_shadows(scene, options) {
-        check_shadows(scene, options)?;
-    }
+    check_catchers(scene, options)?;
     let transparent = |object: &&Object| object.shape.is_composited() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);
     if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (transparent, options.quality) {

@@ -49,6 +49,12 @@ impl ShadingLight {
     }
 }
 
+/// Luminance of a linear Rec.709 colour.
+#[inline(always)]
+pub fn luminance(colour: [f32; 3]) -> f32 {
+    0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]
+}
+
 /// Factors of the diffuse and of the specular term for a light from the unit direction `towards`, on a surface with
 /// unit normal `n` seen along the unit direction `view` (from the surface to the eye): (max(n.l, 0), max(r.v,
 /// 0)^shininess).

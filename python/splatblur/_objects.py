@@ -271,6 +271,8 @@ class Object(ForkedLazily, Fixed):
             shorter way; before the first and after the last it rests.
         velocity: Constant velocity, scene units a frame, in place of poses. At frame 0 it changes nothing.
         blur: False: the object is posed at the frame number, and is not blurred.
+        receive_shadows: False: no shadows fall on its surfels or Gaussians.
+        shadow_catcher: True: nothing of it shows but the shadows on it, as black with alpha.
         opacity: A factor on all opacities, 0 to 1.
         material: Coefficients (ambient, diffuse, specular, shininess) of surfels.
 
@@ -288,6 +290,8 @@ class Object(ForkedLazily, Fixed):
         poses: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
         velocity: npt.ArrayLike | None = None,
         blur: bool = True,
+        receive_shadows: bool = True,
+        shadow_catcher: bool = False,
         opacity: float = 1.0,
         material: npt.ArrayLike | None = None,
     ) -> None:
@@ -299,6 +303,7 @@ class Object(ForkedLazily, Fixed):
         if poses is not None and velocity is not None:
             raise TypeError("give an object `poses` or a `velocity`, not both")
         given = {"name": name, "blur": blur, "opacity": opacity}
+        given |= {"receive_shadows": receive_shadows, "shadow_catcher": shadow_catcher}
         given |= {"transform": transform, "poses": poses, "velocity": velocity, "material": material}
         for key, value in given.items():
             if value is not None:
@@ -320,6 +325,10 @@ class Object(ForkedLazily, Fixed):
             changed = self._native.with_name(value)
         elif key == "blur":
             changed = self._native.with_blur(_arrays.flag(value, "blur"))
+        elif key == "receive_shadows":
+            changed = self._native.with_receive_shadows(_arrays.flag(value, "receive_shadows"))
+        elif key == "shadow_catcher":
+            changed = self._native.with_shadow_catcher(_arrays.flag(value, "shadow_catcher"))
         elif key == "opacity":
             value = _arrays.number(value, "opacity")
             if not 0.0 <= value <= 1.0:
@@ -363,6 +372,24 @@ class Object(ForkedLazily, Fixed):
     @blur.setter
     def blur(self, value: bool) -> None:
         self._change("blur", value)
+
+    @property
+    def receive_shadows(self) -> bool:
+        """False: no shadows fall on its surfels or Gaussians."""
+        return self._native.receive_shadows
+
+    @receive_shadows.setter
+    def receive_shadows(self, value: bool) -> None:
+        self._change("receive_shadows", value)
+
+    @property
+    def shadow_catcher(self) -> bool:
+        """True: nothing of it shows but the shadows on it, as black with alpha."""
+        return self._native.shadow_catcher
+
+    @shadow_catcher.setter
+    def shadow_catcher(self, value: bool) -> None:
+        self._change("shadow_catcher", value)
 
     @property
     def opacity(self) -> float:

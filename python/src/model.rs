@@ -254,6 +254,16 @@ impl Object {
     }
 
     #[getter]
+    fn receive_shadows(&self) -> bool {
+        self.object.receive_shadows
+    }
+
+    #[getter]
+    fn shadow_catcher(&self) -> bool {
+        self.object.shadow_catcher
+    }
+
+    #[getter]
     fn opacity(&self) -> f64 {
         self.object.opacity
     }
@@ -313,6 +323,14 @@ impl Object {
 
     fn with_blur(&self, blur: bool) -> Self {
         self.with(|object| object.blur = blur)
+    }
+
+    fn with_receive_shadows(&self, receive_shadows: bool) -> Self {
+        self.with(|object| object.receive_shadows = receive_shadows)
+    }
+
+    fn with_shadow_catcher(&self, shadow_catcher: bool) -> Self {
+        self.with(|object| object.shadow_catcher = shadow_catcher)
     }
 
     fn with_opacity(&self, opacity: f64) -> Self {

@@ -130,7 +130,8 @@ const IN_STRETCHES: u32 = 64u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The segments of a group begin with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
-// have no origin: they end with the object's factor on opacities, its reflection coefficient, and 0.
+// have no origin: they end with the object's factor on opacities, its reflection coefficient, and 1 where it receives
+// shadows plus 2 where it is a shadow catcher plus 4 where it is held.
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
@@ -169,6 +170,9 @@ struct Segment {
     columns: u32,
     // Number of its view.
     view: u32,
+    // Index of the segment of the same surfel buffer in the middle of the group, of which the shadows are; its own
+    // index where it is there, or the object is not seen then.
+    middle: u32,
 }
 
 // `vector` points towards a directional light, or is a point light's position relative to the eye. Its w tells the

@@ -22,6 +22,9 @@ struct Sums {
     specular: Floats,
     shininess: Floats,
     reflection: Floats,
+    receives: Floats,
+    catcher: Floats,
+    held: Floats,
     opacity: Floats,
     sample_coverage: Floats,
     coverage: Floats,
@@ -81,6 +84,18 @@ fn add_values(sum: ptr<function, Sums>, slot: u32, weight: Floats, depth: Floats
         (*sum).reflection += weight * values[next];
         next += 1u;
     }
+    if RECEIVES != 0u {
+        (*sum).receives += weight * values[next];
+        next += 1u;
+    }
+    if CATCHER != 0u {
+        (*sum).catcher += weight * values[next];
+        next += 1u;
+    }
+    if HELD != 0u {
+        (*sum).held += weight * values[next];
+        next += 1u;
+    }
     if OPACITY != 0u { (*sum).opacity += weight * values[next]; }
 }
 
@@ -108,6 +123,9 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
         (*sum).shininess = sums[at + (MATERIAL + 3u) * plane()];
     }
     if REFLECTION != 0u { (*sum).reflection = sums[at + REFLECTION * plane()]; }
+    if RECEIVES != 0u { (*sum).receives = sums[at + RECEIVES * plane()]; }
+    if CATCHER != 0u { (*sum).catcher = sums[at + CATCHER * plane()]; }
+    if HELD != 0u { (*sum).held = sums[at + HELD * plane()]; }
     if OPACITY != 0u { (*sum).opacity = sums[at + OPACITY * plane()]; }
     if SAMPLE_COVERAGE != 0u {
         (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * plane()];
@@ -145,6 +163,9 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
         sums[at + (MATERIAL + 3u) * plane()] = (*sum).shininess;
     }
     if REFLECTION != 0u { sums[at + REFLECTION * plane()] = (*sum).reflection; }
+    if RECEIVES != 0u { sums[at + RECEIVES * plane()] = (*sum).receives; }
+    if CATCHER != 0u { sums[at + CATCHER * plane()] = (*sum).catcher; }
+    if HELD != 0u { sums[at + HELD * plane()] = (*sum).held; }
     if OPACITY != 0u { sums[at + OPACITY * plane()] = (*sum).opacity; }
     if SAMPLE_COVERAGE != 0u {
         sums[at + SAMPLE_COVERAGE * plane()] = (*sum).sample_coverage;

@@ -5,7 +5,9 @@
 // elements of each have three rows that turn the world's axes into those of the view, with where the grid begins (two
 // numbers, texels), and whether rays start at a point; then that point, and the rows of the raster. There follows one
 // element for each slice: the bounds on the plane of all that is in it, least x and y first; then the greatest distance
-// along the axis of the view, and the depth at which the slice begins.
+// along the axis of the view, the depth at which the slice begins, the margin of the image in pixels, and whether all
+// blocks are wanted. Behind all views there are two elements, whose first twelve numbers are the map that takes a place
+// at which the camera shows a held object to where that is in the world.
 
 // Lights with shadows, and views of each: six where any is a point, else one.
 override SHADOW_LIGHTS: u32 = 1u;

@@ -56,6 +56,16 @@ pub enum BackendError {
         /// What has some.
         instead: &'static str,
     },
+    /// Something that cannot catch shadows, or where they cannot be caught.
+    #[error("object `{object}` is a shadow catcher, {why}: take {instead}, or `shadowCatcher=\"false\"`")]
+    Catcher {
+        /// Name of the object.
+        object: String,
+        /// What is wrong with it.
+        why: &'static str,
+        /// What may be one, or shows some.
+        instead: &'static str,
+    },
     /// Captures are composited over a background that is known at each instant.
     #[error(
         "object `{object}` is a capture with colours for the display, which cannot be composited over an environment: \

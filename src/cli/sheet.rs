@@ -118,7 +118,7 @@ impl Sheet {
             open_directory(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
         }
         let alone = self.alone.of(self.common.overrides.background, false);
-        let ReadyScene { mut trial, pool, display, .. } = self.common.load(&self.scene, alone, &self.modes)?;
+        let ReadyScene { mut trial, pool, display, .. } = self.common.load(&self.scene, alone)?;
         let part = self.crop.unwrap_or(Part::MostDifferent(60, 45));
         let line_up = LineUp { frame: self.frame, entries: self.modes.clone(), reference: self.reference, part };
         line_up.check(&trial).context("--crop")?;

@@ -6,9 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use glam::DVec3;
 use splatblur::image::{Display, ViewTransform};
-use splatblur::options::RenderOptions;
-use splatblur::renderer::{Device, Renderer};
-use splatblur::scene::{Scene, Studio, StudioLight, StudioOptions};
+use splatblur::scene::{Studio, StudioLight, StudioOptions};
 use splatblur::scene_file::Up;
 
 use super::values;
@@ -127,28 +125,4 @@ pub(super) fn in_words(studio: Studio) -> String {
         StudioLight::Own => "in its own light",
     };
     format!("in a studio, {light}; --no-studio shows the bare model")
-}
-
-/// Lets a picture of a studio be made where shadows cannot: on the CPU, if nobody named a device, else without its
-/// shadow. The note says which.
-pub(super) fn make_possible(
-    renderer: &mut Renderer,
-    device: &Device,
-    scene: &Scene,
-    options: &mut RenderOptions,
-) -> anyhow::Result<Option<String>> {
-    if renderer.draws_shadows(scene, options) {
-        return Ok(None);
-    }
-    if *device == Device::Auto && renderer.backend_name() != "cpu" {
-        let cpu = Renderer::open(Device::Cpu)?;
-        if cpu.draws_shadows(scene, options) {
-            *renderer = cpu;
-            let note = "the studio's shadow needs the CPU: --no-shadows or --no-studio renders on the GPU";
-            return Ok(Some(note.to_owned()));
-        }
-    }
-    options.look.shadows = false;
-    let what = if renderer.backend_name() == "cpu" { "mode" } else { "backend or mode" };
-    Ok(Some(format!("the studio's shadow is left out: this {what} has none")))
 }

@@ -7,13 +7,11 @@ use clap::Args;
 use splatblur::image::Display;
 use splatblur::options::RenderOptions;
 use splatblur::renderer::{Device, Renderer};
-use splatblur::scene::Scene;
 use splatblur::scene_file::LoadedScene;
-use splatblur::study::{BackendKind, Entry, Method, Opened, Trial};
+use splatblur::study::{BackendKind, Opened, Trial};
 
 use super::backend::in_full;
 use super::common::{self, Overrides, Running, Sampling, Splatting, Surfaces};
-use super::output::say;
 use super::studio::ModelAlone;
 
 /// The grammar of modes in studies, for long helps.
@@ -60,13 +58,12 @@ impl Common {
         self.running.quiet
     }
 
-    /// Reads the scene, and puts the options into it. `alone`: how a model file is shown. In a studio the shadow is
-    /// left out where one of the modes has none.
-    pub(super) fn load(&self, path: &Path, alone: ModelAlone, modes: &[Entry]) -> anyhow::Result<ReadyScene> {
+    /// Reads the scene, and puts the options into it. `alone`: how a model file is shown.
+    pub(super) fn load(&self, path: &Path, alone: ModelAlone) -> anyhow::Result<ReadyScene> {
         let pool = self.running.pool()?;
         let loaded = self.running.load(path, &self.overrides, alone, &pool)?;
-        let (display, in_studio) = (loaded.display(), loaded.studio.is_some());
-        let LoadedScene { scene, mut notes, .. } = loaded;
+        let display = loaded.display();
+        let LoadedScene { scene, notes, .. } = loaded;
         let threads = pool.current_num_threads();
         let open = move |kind| {
             let device = match kind {
@@ -77,22 +74,13 @@ impl Common {
             let description = in_full(&renderer, threads);
             Ok(Opened { renderer, description })
         };
-        let mut options = RenderOptions {
+        let options = RenderOptions {
             // A study may render on both.
             memory: self.splatting.limit.memory("gpu", self.running.quiet),
             detail: self.splatting.detail.unwrap_or_default(),
             look: self.surfaces.look(&self.sampling, Vec::new()),
             ..RenderOptions::default()
         };
-        let lacking = modes.iter().find(|mode| in_studio && !can_draw(mode, &scene, &options));
-        if let Some(mode) = lacking {
-            options.look.shadows = false;
-            let note = format!("the studio's shadow is left out: {mode} has none");
-            if !self.quiet() {
-                say(&format!("note: {note}"));
-            }
-            notes.push(note);
-        }
         Ok(ReadyScene {
             display,
             trial: Trial::new(scene, path, options, self.splatting.prefilter, Box::new(open)),
@@ -100,16 +88,4 @@ impl Common {
             pool,
         })
     }
-}
-
-/// Has a mode of a study shadows? The reference has.
-fn can_draw(mode: &Entry, scene: &Scene, options: &RenderOptions) -> bool {
-    let Method::Splat(quality) = mode.method else { return true };
-    let device = match mode.backend {
-        Some(BackendKind::Gpu) => Device::Gpu { adapter: None },
-        Some(BackendKind::Cpu) | None => Device::Cpu,
-    };
-    let options = RenderOptions { quality, ..options.clone() };
-    // A device that cannot be opened is an error of its own, later.
-    Renderer::open(device).is_ok_and(|renderer| renderer.draws_shadows(scene, &options))
 }

@@ -16,6 +16,8 @@ mod strips;
 
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use crate::environment::{Environment, Surroundings};
 use crate::film::{Aov, Backdrop, Background, Blending, FilmPlanes};
 use crate::model::{Gaussians, Material};
@@ -27,7 +29,7 @@ use crate::shading::ShadingLight;
 pub use self::blocks::Blocks;
 pub use self::panorama::Panorama;
 pub(crate) use self::pixel_rect::PixelRect;
-pub use self::poser::{PosedObject, PosedSample};
+pub use self::poser::{Held, PosedObject, PosedSample};
 pub use self::raster::{Raster, RasterArea};
 pub use self::static_objects::{STATIC_PATH, all_rests, shared_positions, shows_much_rest};
 
@@ -108,6 +110,7 @@ pub struct PosedGroup {
 
 /// The properties of an object that do not change during the frame.
 #[derive(Clone, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a property by itself")]
 pub struct FrameObject {
     /// What it is made of. Models are shared, so that a backend can recognise one that it has already uploaded.
     pub shape: Shape,
@@ -121,8 +124,15 @@ pub struct FrameObject {
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
     pub two_sided: bool,
+    /// Do shadows fall on it?
+    pub receives: bool,
+    /// Does it show nothing but the shadows on it?
+    pub catcher: bool,
     /// Has the same pose in all samples. Its splats come first in the order of sums, and count once in a group.
     pub is_static: bool,
+    /// Is it shown as at the frame's number, before the camera of that time, though the camera moves? In the world it
+    /// is where it is then: there it casts shadows, and receives them.
+    pub is_held: bool,
 }
 
 impl FrameObject {
@@ -325,6 +335,24 @@ impl Frame {
         self.groups().next().map_or(1, |group| group.samples.len())
     }
 
+    /// Do the samples of a group shade their own surfels, as they are at their times, though they share its shadows?
+    pub fn shades_samples(&self) -> bool {
+        self.shading == Shading::Gouraud && self.samples_of_a_group() > 1
+    }
+
+    /// Are there opaque surfels of held objects, and others' or none? `None`: both are there.
+    pub fn holds(&self) -> Option<bool> {
+        let mut held = self.objects.iter().filter(|o| o.has_surfels() && !o.see_through).map(|o| o.is_held);
+        let first = held.next().unwrap_or(false);
+        held.all(|is_held| is_held == first).then_some(first)
+    }
+
+    /// The origin of an object's model relative to the eye of a sample, world axes, where it is in the world.
+    pub fn place_of(&self, object: usize, sample: &PosedSample) -> Vec3 {
+        let origin = sample.objects[object].world_origin;
+        if self.objects[object].is_held { origin + sample.held.shift } else { origin }
+    }
+
     /// Whether pixels have several layers of kernels. `filtered`: a filter widens these. A group of several samples has
     /// one coverage, at all depths together.
     pub fn has_layers(&self, filtered: bool) -> bool {
@@ -375,18 +403,30 @@ fn blending(scene: &Scene) -> Option<Blending> {
 }
 
 /// Material of the object: the scene's, else the file's, else the default.
-fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> FrameObject {
+fn frame_object(object: &Object, options: &RenderOptions, is_static: bool, camera_rests: bool) -> FrameObject {
     let has_materials = object.shape.surfels().is_some_and(|model| !model.surfels().material.is_empty());
     let surface = object.shape.surface().copied().unwrap_or_default();
     let material = object.shape.material().or_else(|| (!has_materials).then(Material::default));
     let two_sided = options.look.two_sided || surface.two_sided;
+    let catcher = object.shadow_catcher && object.has_opaque_surfels();
+    let is_held = !object.blur && !camera_rests;
+    // Volumes and see-through surfels are lit without shadows. A held capture is elsewhere than its splats are shown.
+    let has_none = match object.shape {
+        Shape::Volume { .. } => true,
+        Shape::Gaussians { .. } => is_held,
+        Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => object.is_see_through(),
+    };
     FrameObject {
         shape: object.shape.clone(),
         see_through: object.is_see_through(),
         opacity: object.opacity as f32,
-        reflection: surface.reflection as f32,
+        // A catcher is not seen, and mirrors nothing.
+        reflection: if catcher { 0.0 } else { surface.reflection as f32 },
         material,
         two_sided,
+        receives: object.receive_shadows && !has_none,
+        catcher,
         is_static,
+        is_held,
     }
 }

@@ -27,10 +27,27 @@ pub struct PosedSample {
     pub world_from_camera: Mat3,
     /// Lights, relative to the eye.
     pub lights: Vec<ShadingLight>,
+    /// Where a shadow catcher is in the light of a sky, of which the last light is one direction: what comes from all,
+    /// as [`ShadingLight::Harmonics`].
+    pub sky: Option<[Vec3; 9]>,
     /// Number of its points on lights, with what differs between classes of pixels.
     pub number: u64,
+    /// Where held objects are in the world.
+    pub held: Held,
     /// One per entry of `Frame::objects`.
     pub objects: Vec<PosedObject>,
+}
+
+/// How the view of the frame's number, in which held objects are shown, lies to that of a time sample.
+///
+/// A place relative to the eye of the sample, world axes, at which its camera shows a held object, is in the world at
+/// `turn` times itself, plus `shift`, relative to the same eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// The camera's axes of the frame's number times the inverse of the sample's.
+    pub turn: Mat3,
+    /// The eye of the frame's number relative to that of the sample, world axes.
+    pub shift: Vec3,
 }
 
 /// An object at one time sample.
@@ -149,13 +166,19 @@ impl Poser<'_> {
     pub(super) fn sample(&self, time: f64, weight: f64, span: Option<&Span>, lit: (u32, u64)) -> PosedSample {
         let camera = camera_from_world(self.scene, time);
         let world_from_camera = DMat3::from_mat4(camera).transpose();
-        let eye = -(world_from_camera * camera.w_axis.truncate());
+        let eye = eye(&camera);
+        let of_frame = camera_from_world(self.scene, self.number);
         PosedSample {
             time,
             weight: weight as f32,
             world_from_camera: world_from_camera.as_mat3(),
             lights: self.lights(eye, lit),
+            sky: self.whole_sky(),
             number: u64::from(lit.0) ^ lit.1,
+            held: Held {
+                turn: (DMat3::from_mat4(of_frame).transpose() * world_from_camera.transpose()).as_mat3(),
+                shift: (self::eye(&of_frame) - eye).as_vec3(),
+            },
             objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, span)).collect(),
         }
     }
@@ -179,6 +202,12 @@ impl Poser<'_> {
         let (towards, colour) = (towards.as_vec3(), colour.as_vec3());
         lights.push(ShadingLight::Directional { towards, colour, shadows: true });
         lights
+    }
+
+    /// The light of the whole sky, where shadow catchers need it.
+    fn whole_sky(&self) -> Option<[Vec3; 9]> {
+        let sky = self.scene.sky().filter(|sky| self.options.look.shadows && sky.shadows)?;
+        self.scene.objects.iter().any(|object| object.shadow_catcher).then(|| sky.harmonics())
     }
 
     /// Camera-from-model transform (the model relative to its origin) at scene time `time`.
@@ -362,6 +391,11 @@ fn drift(posed: &PosedObject, p: Vec3, advance: Vec3, near: f64) -> f64 {
     let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
     let farther = drift(from).max(drift(to));
     if farther.is_nan() { f64::INFINITY } else { farther }
+}
+
+/// The eye of a camera with this pose.
+fn eye(camera_from_world: &DMat4) -> DVec3 {
+    -(DMat3::from_mat4(*camera_from_world).transpose() * camera_from_world.w_axis.truncate())
 }
 
 /// The model's origin relative to the eye, world axes. `camera` posed the object.

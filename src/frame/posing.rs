@@ -48,8 +48,9 @@ impl Frame {
         share_guard(&mut rasters);
         let near = scene.camera.near as f32;
         let is_static = hold_static(scene, &mut rasters, exposure.stride, near);
-        let objects: Vec<FrameObject> =
-            scene.objects.iter().zip(is_static).map(|(object, fixed)| frame_object(object, options, fixed)).collect();
+        let camera_rests = scene.camera.rests();
+        let of_frame = |(object, fixed)| frame_object(object, options, fixed, camera_rests);
+        let objects: Vec<FrameObject> = scene.objects.iter().zip(is_static).map(of_frame).collect();
         let mirrors = objects.iter().any(|object| object.reflection > 0.0 && object.has_surfels());
         let mut frame = Self {
             size: posing.size,

@@ -56,6 +56,22 @@ impl Composite {
         let through = self.transmittance;
         match opaque {
             Some(opaque) if !self.any => opaque,
+            // A shadow catcher covers in part, and with black.
+            Some(opaque) if opaque.coverage < 1.0 => {
+                let coverage = 1.0 - through * (1.0 - opaque.coverage);
+                if coverage <= 0.0 {
+                    return Seen::NOTHING;
+                }
+                let own = opaque.colour / opaque.coverage.max(f64::MIN_POSITIVE);
+                let behind = opaque.coverage * blend.of_light(own);
+                Seen {
+                    colour: blend.finish(self.colour + through * behind, coverage),
+                    coverage,
+                    depth: self.depth + through * opaque.depth,
+                    normal: self.normal + through * opaque.normal,
+                    velocity: self.velocity + through * opaque.velocity,
+                }
+            }
             Some(opaque) => Seen {
                 colour: blend.finish(self.colour + through * blend.of_light(opaque.colour), 1.0),
                 coverage: 1.0,

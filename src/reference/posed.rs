@@ -309,6 +309,14 @@ impl<'a> World<'a> {
         out.extend(lights.chain(self.smooth_sky));
     }
 
+    /// The light of the whole environment, as nine harmonics of a normal; `None` where it is no light.
+    pub(super) const fn smooth_sky(&self) -> Option<[glam::Vec3; 9]> {
+        match self.smooth_sky {
+            Some(ShadingLight::Harmonics { terms }) => Some(terms),
+            _ => None,
+        }
+    }
+
     /// The triangles that rays meet of an object; `None` where they meet anything else.
     pub(super) fn surface(&self, body: &Body<'_>) -> Option<&MeshSurface<'a>> {
         let Form::Model(model) = body.form else { return None };
@@ -355,6 +363,11 @@ impl<'a> World<'a> {
     /// The pose of the camera that sees an object, if it is the same for every sample.
     pub(super) fn camera_of(&self, body: &Body<'_>) -> Option<CameraPose> {
         if body.object.blur { self.fixed_camera } else { Some(self.frame_camera) }
+    }
+
+    /// Is an object shown as at the frame's number before a camera that moves? Then it is elsewhere in the world.
+    pub(super) fn is_held(&self, body: &Body<'_>) -> bool {
+        !body.object.blur && self.fixed_camera.is_none()
     }
 
     /// True if light passes through anything.

@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::posed::{BodyPose, Form, World};
 use super::sampler::LightNumbers;
@@ -36,6 +36,29 @@ enum Source {
     /// From infinitely far: the unit vector towards it.
     Towards(DVec3),
     Place(DVec3),
+}
+
+impl Source {
+    /// The unit vector from a place to it, and its distance.
+    fn from(self, at: DVec3) -> (DVec3, f64) {
+        match self {
+            Self::Towards(towards) => (towards, f64::INFINITY),
+            Self::Place(place) => ((place - at).normalize_or_zero(), place.distance(at)),
+        }
+    }
+}
+
+/// Luminance of linear light (Rec. 709).
+fn luminance(colour: DVec3) -> f64 {
+    colour.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// What a white surface with the unit normal `n` shows of light from all around (docs/math.md, eq. 53).
+fn smooth(terms: &[Vec3; 9], n: DVec3) -> DVec3 {
+    let DVec3 { x, y, z } = n;
+    let of_normal = [1.0, x, y, z, x * y, y * z, 2.0 * x * z, x * x - z * z, 2.0 * y * y - x * x - z * z];
+    let sum: DVec3 = terms.iter().zip(of_normal).map(|(term, factor)| term.as_dvec3() * factor).sum();
+    sum.max(DVec3::ZERO)
 }
 
 /// A place of a surface that is shaded.
@@ -135,22 +158,88 @@ impl<'w, 'a> Shadows<'w, 'a> {
         &self.reaching
     }
 
+    /// The light that falls on a white surface with these factors for ambient and for diffuse light, and what of it
+    /// shadows take away: luminances. One direction of a sky says nothing about how much light comes from all; that is
+    /// what the sky shows without shadows.
+    pub(super) fn caught(&mut self, at: &Receiver<'_>, [ambient, diffuse]: [f64; 2]) -> [f64; 2] {
+        let (mut all, mut taken) = (0.0, 0.0);
+        for i in 0..self.lights.len() {
+            let (light, source) = self.lights[i];
+            let (from, colour) = match light {
+                ShadingLight::Ambient { colour } => {
+                    all += ambient * luminance(colour.as_dvec3());
+                    continue;
+                }
+                ShadingLight::Harmonics { terms } => {
+                    all += diffuse * luminance(smooth(&terms, at.normal));
+                    continue;
+                }
+                ShadingLight::Directional { towards, colour, .. } => {
+                    (source.unwrap_or(Source::Towards(towards.as_dvec3())), colour)
+                }
+                ShadingLight::Point { position, colour, .. } => {
+                    (source.unwrap_or(Source::Place(at.eye + position.as_dvec3())), colour)
+                }
+            };
+            let (towards, square) = match from {
+                Source::Towards(towards) => (towards, 1.0),
+                Source::Place(place) => ((place - at.place).normalize_or_zero(), place.distance_squared(at.place)),
+            };
+            let falls = diffuse * at.normal.dot(towards).max(0.0) * luminance(colour.as_dvec3()) / square;
+            let is_sky = i == self.world.scene.lights.len();
+            let smooth_sky = self.world.smooth_sky().filter(|_| is_sky);
+            all += smooth_sky.map_or(falls, |terms| diffuse * luminance(smooth(&terms, at.normal)));
+            if falls > 0.0 && source.is_some_and(|source| !self.reaches(source, at)) {
+                taken += falls;
+            }
+        }
+        [all, taken]
+    }
+
+    /// The share of all light, channel by channel, that reaches a place of a capture, which has no normal; `None` where
+    /// all does.
+    pub(super) fn light_left(&mut self, place: DVec3, eye: DVec3) -> Option<DVec3> {
+        let at = Receiver { place, normal: DVec3::ZERO, eye, own: u32::MAX, hits: &[] };
+        let (mut all, mut hidden) = (DVec3::ZERO, DVec3::ZERO);
+        for i in 0..self.lights.len() {
+            let (light, source) = self.lights[i];
+            let radiance = match (light, source) {
+                (ShadingLight::Ambient { colour } | ShadingLight::Directional { colour, .. }, _) => colour.as_dvec3(),
+                // A white surface shows 1/4 of it in the mean over all normals.
+                (ShadingLight::Harmonics { terms }, _) => terms[0].as_dvec3() * 4.0,
+                (ShadingLight::Point { colour, .. }, Some(Source::Place(from))) => {
+                    colour.as_dvec3() / from.distance_squared(place)
+                }
+                (ShadingLight::Point { colour, position, .. }, _) => {
+                    colour.as_dvec3() / (eye + position.as_dvec3()).distance_squared(place)
+                }
+            };
+            all += radiance;
+            if source.is_some_and(|source| self.is_blocked(source, &at)) {
+                hidden += radiance;
+            }
+        }
+        let share = |all: f64, hidden: f64| if all > 0.0 { 1.0 - hidden / all } else { 1.0 };
+        (hidden != DVec3::ZERO)
+            .then(|| DVec3::new(share(all.x, hidden.x), share(all.y, hidden.y), share(all.z, hidden.z)))
+    }
+
     /// A surface that faces away from the light is in its own shadow, highlights too: it takes no ray.
     fn reaches(&mut self, source: Source, at: &Receiver<'_>) -> bool {
-        let (towards, distance) = match source {
-            Source::Towards(towards) => (towards, f64::INFINITY),
-            Source::Place(place) => ((place - at.place).normalize_or_zero(), place.distance(at.place)),
-        };
-        at.normal.dot(towards) > 0.0 && {
-            if self.poses.is_empty() {
-                let posed = |&caster: &usize| {
-                    let body = &self.world.bodies[caster];
-                    Some((body.pose_at(self.time)?, body.elapsed(self.time)))
-                };
-                self.poses.extend(self.casters.iter().map(posed));
-            }
-            !(0..self.casters.len()).any(|caster| self.blocks(caster, at, towards, distance))
+        at.normal.dot(source.from(at.place).0) > 0.0 && !self.is_blocked(source, at)
+    }
+
+    /// Is anything in the way of a light?
+    fn is_blocked(&mut self, source: Source, at: &Receiver<'_>) -> bool {
+        let (towards, distance) = source.from(at.place);
+        if self.poses.is_empty() {
+            let posed = |&caster: &usize| {
+                let body = &self.world.bodies[caster];
+                Some((body.pose_at(self.time)?, body.elapsed(self.time)))
+            };
+            self.poses.extend(self.casters.iter().map(posed));
         }
+        (0..self.casters.len()).any(|caster| self.blocks(caster, at, towards, distance))
     }
 
     /// Is a caster in the way from a place to the light at `distance` along the unit vector `towards`?

@@ -215,6 +215,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         if let Some(shadows) = &mut shadows {
             shadows.begin(camera.eye, time, lights);
         }
+        let (mut unshadowed, mut caught) = (0.0, 0.0);
         let (mut weight, mut colour, mut normal, mut depth) = (0.0, DVec3::ZERO, DVec3::ZERO, 0.0);
         let (mut material, mut velocity, mut reflection) = ([0.0; 4], DVec2::ZERO, 0.0);
         for hit in &*hits {
@@ -228,7 +229,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     let (place, normal, eye) = (surface.centre(target), surface.normal, target.eye);
                     let position = (place - eye).as_vec3();
                     let lights = match &mut shadows {
-                        Some(shadows) if receives => {
+                        Some(shadows) if receives && body.object.receive_shadows => {
                             shadows.reaching(&Receiver { place, normal, eye, own: hit.object, hits })
                         }
                         Some(shadows) => shadows.all(),
@@ -240,10 +241,15 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 }
             };
             weight += w;
-            colour += w * c.as_dvec3();
+            unshadowed += if receives && body.object.receive_shadows { 0.0 } else { w };
+            if receives && body.object.shadow_catcher {
+                caught += w;
+            } else {
+                colour += w * c.as_dvec3();
+                reflection += w * body.surface.reflection;
+            }
             normal += w * surface.normal;
             depth += w * hit.depth;
-            reflection += w * body.surface.reflection;
             let Material { ambient, diffuse, specular, shininess } = surface.material;
             for (sum, value) in material.iter_mut().zip([ambient, diffuse, specular, shininess]) {
                 *sum += w * f64::from(value);
@@ -253,24 +259,45 @@ impl<'w, 'a> Tracer<'w, 'a> {
             }
         }
         let over = 1.0 / weight;
-        let (mut colour, normal, depth) = (colour * over, normal.normalize_or_zero(), depth * over);
+        let share = |sum: f64| if sum == weight { 1.0 } else { sum * over };
+        let (receiving, caught) = (1.0 - share(unshadowed), share(caught));
+        // Of what is not a shadow catcher.
+        let of_rest = if caught < 1.0 { over / (1.0 - caught) } else { 0.0 };
+        let (mut colour, normal, depth) = (colour * of_rest, normal.normalize_or_zero(), depth * over);
+        let mut coverage = 1.0 - caught;
+        let leading = leading(hits).and_then(|hit| Some((hit.object, self.target(lane, hit)?)));
+        if let (true, Some(shadows), Some((own, &Target { eye, direction, .. }))) =
+            (caught > 0.0, &mut shadows, leading)
+        {
+            let receiver = Receiver { place: eye + direction * depth, normal, eye, own, hits };
+            let [all, taken] = shadows.caught(&receiver, [material[0] * over, material[1] * over]);
+            coverage += caught * receiving * if all > 0.0 { taken / all } else { 0.0 };
+        }
         if self.world.options.look.shading == Shading::Phong {
             let [ambient, diffuse, specular, shininess] = material.map(|sum| (sum * over) as f32);
             let material = Material { ambient, diffuse, specular, shininess };
             let position = (direction * depth).as_vec3();
-            let leading = leading(hits).and_then(|hit| Some((hit.object, self.target(lane, hit)?)));
-            let lights = match (&mut shadows, leading) {
-                (Some(shadows), _) if !receives => shadows.all(),
-                (Some(shadows), Some((own, &Target { eye, direction, .. }))) => {
-                    shadows.reaching(&Receiver { place: eye + direction * depth, normal, eye, own, hits })
-                }
-                _ => &self.lights,
+            let shaded = |lights: &[ShadingLight]| {
+                shade(lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3()
             };
-            colour = shade(lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3()
-                + self.mirrored(reflection * over, normal, direction);
+            let mut lit = DVec3::ZERO;
+            if let (Some(shadows), Some((own, &Target { eye, direction, .. }))) = (&mut shadows, leading) {
+                let receiver = Receiver { place: eye + direction * depth, normal, eye, own, hits };
+                if receiving > 0.0 {
+                    lit += receiving * shaded(shadows.reaching(&receiver));
+                }
+                if receiving < 1.0 {
+                    lit += (1.0 - receiving) * shaded(shadows.all());
+                }
+            } else {
+                lit = shaded(&self.lights);
+            }
+            colour = lit + self.mirrored(reflection * of_rest, normal, direction);
         }
+        colour *= 1.0 - caught;
         self.shadows = shadows;
-        Some(Seen { colour, coverage: 1.0, depth, normal, velocity: velocity * over })
+        let (normal, depth, velocity) = (normal * coverage, depth * coverage, velocity * over * coverage);
+        Some(Seen { colour, coverage, depth, normal, velocity })
     }
 
     /// What a surface with the coefficient `reflection` and unit normal `normal` mirrors on a ray along `direction`, of

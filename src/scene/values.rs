@@ -288,6 +288,12 @@ pub struct Object {
     pub detail: Detail,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
+    /// Do shadows fall on it? On opaque surfels, and on captures: their colours are multiplied by the ratio of the light
+    /// that reaches them to all light. Volumes and see-through surfels receive none.
+    pub receive_shadows: bool,
+    /// It is not seen itself: its opaque surfels show the light that shadows take away, as black with the alpha
+    /// 1 - lit / unlit, and hide what is behind them.
+    pub shadow_catcher: bool,
 }
 
 impl Object {
@@ -310,6 +316,8 @@ impl Object {
             epsilon: None,
             detail: Detail::Auto,
             blur: true,
+            receive_shadows: true,
+            shadow_catcher: false,
             shape: shape.into(),
         }
     }
@@ -385,6 +393,11 @@ impl Object {
         const OPAQUE: f64 = 254.0 / 255.0;
         let model = self.shape.surfels().filter(|model| !model.surfels().is_empty());
         model.is_some_and(|model| self.opacity * f64::from(model.least_opacity()) < OPAQUE)
+    }
+
+    /// Has it surfels through which no light passes?
+    pub(crate) fn has_opaque_surfels(&self) -> bool {
+        self.shape.surfels().is_some() && !self.is_see_through()
     }
 
     /// The part of a sequence that it shows in this frame.

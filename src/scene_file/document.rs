@@ -83,6 +83,8 @@ pub(super) enum ShapeSpec {
 pub(super) struct ObjectSpec {
     pub(super) name: String,
     pub(super) blur: bool,
+    pub(super) receive_shadows: bool,
+    pub(super) shadow_catcher: bool,
     /// `None`: as the model says.
     pub(super) two_sided: Option<bool>,
     pub(super) points: PointMotion,
@@ -346,6 +348,8 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
     Ok(ObjectSpec {
         name,
         blur: part.boolean("blur")?,
+        receive_shadows: part.boolean("receiveShadows")?,
+        shadow_catcher: part.boolean("shadowCatcher")?,
         two_sided: part.optional_boolean("twoSided")?,
         points: PointMotion {
             unit: part.choice("velocityUnit")?.map(|word| match word.as_str() {

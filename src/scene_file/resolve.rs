@@ -323,6 +323,8 @@ impl Files<'_> {
             detail: spec.detail,
             opacity,
             blur: spec.blur,
+            receive_shadows: spec.receive_shadows,
+            shadow_catcher: spec.shadow_catcher,
             ..Object::new(shape)
         })
     }

@@ -337,6 +337,13 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("name", ValueKind::Text, Auto("object1, object2, ... in document order"), "unique name"),
             row("blur", ValueKind::Boolean, Value("true"), "false: posed, with the camera, at the frame number"),
             row(
+                "receiveShadows",
+                ValueKind::Boolean,
+                Value("true"),
+                "false: no shadows fall on its surfels or Gaussians",
+            ),
+            row("shadowCatcher", ValueKind::Boolean, Value("false"), "true: nothing of it shows but shadows on it"),
+            row(
                 "twoSided",
                 ValueKind::Boolean,
                 Auto("by what is known of the sides, see above"),

@@ -174,6 +174,8 @@ impl Xml {
 
     fn object(&mut self, object: &Object, base: &Path) {
         let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
+        attributes.extend((!object.receive_shadows).then(|| ("receiveShadows", "false".to_owned())));
+        attributes.extend(object.shadow_catcher.then(|| ("shadowCatcher", "true".to_owned())));
         let surface = object.shape.surface();
         attributes.extend(surface.map(|surface| ("twoSided", surface.two_sided.to_string())));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));

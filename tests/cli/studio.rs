@@ -91,19 +91,6 @@ fn a_scan_shows_its_colours() {
     assert!(said.contains("lit by three lamps"), "{said}");
 }
 
-#[test]
-fn what_has_no_shadow_leaves_it_out_and_says_so() {
-    let dir = folder();
-    let said =
-        fine(dir.path(), "render cube.obj --out v --size 32x24 --backend cpu --mode bucket:2x4 --shading gouraud");
-    assert!(said.contains("note: the studio's shadow is left out: this mode has none"), "{said}");
-    let said = fine(
-        dir.path(),
-        "sheet cube.obj --frame 0 --size 80x60 --modes still,bucket:2x4 --shading gouraud --out sheet.png",
-    );
-    assert!(said.contains("the studio's shadow is left out: bucket:2x4 has none"), "{said}");
-}
-
 /// A movie of EXR files, one of PNG files and one alone are the same, at transparent edges too.
 #[test]
 fn movies_show_light_as_png_files_do() {

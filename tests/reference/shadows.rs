@@ -6,9 +6,9 @@
 use std::f64::consts::{PI, TAU};
 use std::fs;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use splatblur::film::Picture;
-use splatblur::model::{Material, Surfels};
+use splatblur::model::{Gaussians, Material, Surfels};
 use splatblur::options::{Look, PixelFilter, Shading};
 use splatblur::reference::{Reference, ReferenceOptions, render};
 use splatblur::scene::{Light, Motion, Object, Scene, Sphere};
@@ -264,6 +264,98 @@ fn a_ball_under_a_ball_of_light() {
         let seen = i + 1 < profile.len() && !meets(eye, (p - eye).normalize(), centre, radius);
         seen.then(|| 36.0 * (profile[i] + (along - i as f64) * (profile[i + 1] - profile[i])) + 0.125 + 0.25 * 0.8)
     });
+}
+
+/// Gaussians around that ball have their colour times the share of all light that reaches their centres: of a ball of
+/// light each point counts by the square of its distance, without a cosine.
+#[test]
+fn captures_keep_the_share_of_light_that_reaches_them() {
+    let (lamp_at, centre, radius) = (DVec3::new(0.0, 6.0, 0.0), DVec3::new(0.0, 1.6, 0.0), 1.0);
+    let places = [-2.9, -1.4, 0.0, 1.2, 2.6];
+    let capture = Gaussians {
+        position: places.iter().map(|&x| Vec3::new(x, 0.0, 0.0)).collect(),
+        sigma: vec![Vec3::splat(0.08); places.len()],
+        rotation: vec![Quat::IDENTITY; places.len()],
+        opacity: vec![0.9; places.len()],
+        base: vec![Vec3::ZERO; places.len()],
+        linear: true,
+        ..Gaussians::default()
+    };
+    let objects = vec![Object::new(capture), ball(radius, centre)];
+    let mut scene = lit(objects, lamp(lamp_at, 1.0), DVec3::new(0.0, 3.0, 8.0), DVec3::ZERO);
+    scene.image.transparent = true;
+    scene.lights.push(Light::Ambient { colour: DVec3::splat(0.25) });
+    let points = ball_of_light(32, 48, 48);
+    let total: f64 = points.iter().map(|point| point.1).sum();
+    let share = |x: f32| {
+        let place = DVec3::new(f64::from(x), 0.0, 0.0);
+        let left = |&(offset, weight): &(DVec3, f64)| {
+            let to = lamp_at + offset - place;
+            let light = 36.0 / to.length_squared();
+            let seen = if meets(place, to.normalize(), centre, radius) { 0.0 } else { light };
+            weight * (0.25 + seen) / (0.25 + light)
+        };
+        points.iter().map(left).sum::<f64>() / total
+    };
+    let seen = |scene: &Scene| {
+        let picture = traced(scene, &options(SAMPLES)).picture;
+        let [width, height] = SIZE.map(|pixels| pixels as usize);
+        let pixels = (0..width * height).map(|i| ([i % width, i / width], picture.rgba[i].map(f64::from)));
+        let found = places.map(|x| {
+            let near = pixels.clone().filter(|([column, row], _)| {
+                let ray = ray(scene, *column, *row);
+                let at = scene.camera.eye - ray * (scene.camera.eye.y / ray.y);
+                at.distance(DVec3::new(f64::from(x), 0.0, 0.0)) < 0.3
+            });
+            let sum = near.fold([0.0; 2], |sum, (_, [red, _, _, alpha])| [sum[0] + red, sum[1] + alpha]);
+            assert!(sum[1] > 0.2, "{x}: {sum:?}");
+            sum[0] / sum[1]
+        });
+        println!("{found:?}");
+        found
+    };
+    let found = seen(&scene);
+    for (x, found) in places.into_iter().zip(found) {
+        let want = 0.5 * share(x);
+        println!("{x}: {found:.4}, {want:.4}");
+        // A thousand points on the light are .01 off at a border.
+        assert!((found - want).abs() < 0.01, "{x}: {found} for {want}");
+    }
+    assert!(share(0.0) < 0.21 && (0.3..0.8).contains(&share(1.2)) && share(2.6) == 1.0, "umbra, penumbra, light");
+    scene.objects[0].receive_shadows = false;
+    assert!(seen(&scene).into_iter().all(|found| (found - 0.5).abs() < 1e-6), "it receives none");
+}
+
+/// A catcher is black, and its alpha 1 - lit / unlit as two pictures of the same floor have it; nothing else changes.
+#[test]
+fn a_catcher_shows_the_light_that_is_gone() {
+    let objects = vec![floor(), ball(0.5, DVec3::new(0.0, 0.8, 0.0))];
+    let direction = DVec3::new(0.3, -1.0, 0.2);
+    let mut scene = lit(objects, sun(direction, 8.0), DVec3::new(0.0, 3.0, 5.0), DVec3::ZERO);
+    scene.image.transparent = true;
+    scene.lights.push(Light::Ambient { colour: DVec3::splat(0.25) });
+    let mut material = LAMBERT;
+    (material.ambient, material.specular) = (1.0, 0.0);
+    scene.objects[0].shape.surface_mut().unwrap().material = Some(material);
+    let [lit, unlit] = [&scene, &without_shadows(&scene)].map(|scene| traced(scene, &options(256)).picture);
+    let mut catcher = scene.clone();
+    catcher.objects[0].shadow_catcher = true;
+    let caught = traced(&catcher, &options(256)).picture;
+    let bare = traced(&without_shadows(&catcher), &options(256)).picture;
+    let (mut worst, mut floors, mut balls, mut darkest) = (0.0_f32, 0, 0, 0.0_f32);
+    for (i, pixel) in caught.rgba.iter().enumerate() {
+        if bare.rgba[i] == [0.0; 4] {
+            assert_eq!(pixel[..3], [0.0; 3], "black");
+            let want = 1.0 - lit.rgba[i][0] / unlit.rgba[i][0];
+            (worst, darkest, floors) = (worst.max((pixel[3] - want).abs()), darkest.max(want), floors + 1);
+        } else if bare.rgba[i][3] == 1.0 {
+            assert_eq!(*pixel, lit.rgba[i], "the ball is as before");
+            balls += 1;
+        }
+    }
+    println!("worst {worst}, darkest {darkest}, {floors} pixels of floor, {balls} of the ball");
+    // The points of a sun 8 degrees wide differ in their cosines.
+    assert!(worst < 2e-3 && darkest > 0.7 && floors > 200 && balls > 10, "{worst}, {darkest}, {floors}, {balls}");
 }
 
 /// The share of a ball of light that shows beside an edge is that of a disc, from every place.

@@ -29,6 +29,7 @@ mod rendering;
 mod rolling_shutter;
 mod see_through;
 mod sequences;
+mod shadow_receivers;
 mod shadows;
 mod sky;
 mod static_objects;

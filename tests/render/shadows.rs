@@ -34,15 +34,19 @@ macro_rules! on_both {
     };
 }
 
+pub(crate) use on_both;
+
 on_both!(
     a_half_plane_under_a_wide_light,
     a_moving_ball,
+    intervals_have_the_shadows_of_their_middles,
     what_moves_throws_no_shadow_on_itself,
     what_faces_the_light_is_lit,
     contacts_stay_dark,
     strange_lights_give_finite_pictures,
     hard_scenes_have_the_shadows_of_the_reference,
-    what_has_no_shadows_refuses_them,
+    surfels_that_come_into_view_have_shadows,
+    what_is_held_has_the_shadows_of_the_reference,
 );
 
 fn render(on: &mut dyn Backend, scene: &Scene, options: &RenderOptions) -> Picture {
@@ -197,56 +201,55 @@ fn moving_ball(on: &mut dyn Backend, modes: &[&str]) {
 /// The samples of a bucket share a map, and so does an interval. What moves throws no shadow on itself by that: modes
 /// are about as far from many samples with shadows as without.
 fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
-    own_shadow(on, "bucket:4x16");
+    own_shadow(on, "bucket:4x16", Shading::Phong);
+    own_shadow(on, "bucket:4x16", Shading::Gouraud);
 }
 
-fn own_shadow(on: &mut dyn Backend, mode: &str) {
-    let mut scene = from_above(Vec::new(), [96, 64]);
+/// The ball spins, too. Beside it is a resting floor, on which no shadow falls.
+fn own_shadow(on: &mut dyn Backend, mode: &str, shading: Shading) {
+    let mut scene = from_above(vec![square([0.2, -0.3], [0.4, 0.3], 0.0, 0.02)], [96, 64]);
     let mut model = sphere(4000);
     let small = |v: &mut Vec3| *v *= 0.15;
     model.position.iter_mut().for_each(small);
     model.axis_u.iter_mut().chain(&mut model.axis_v).for_each(small);
     let mut ball = white(model);
     ball.transform.translate = DVec3::new(-0.1, 0.2, 0.0);
-    ball.motions = vec![Motion::Linear { velocity: DVec3::X * 0.2 }];
+    ball.motions = vec![
+        Motion::Rotation { axis: DVec3::Z, per_frame: 1.5, centre: DVec3::ZERO },
+        Motion::Linear { velocity: DVec3::X * 0.2 },
+    ];
     scene.objects.push(ball);
     (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
-    scene.lights = vec![Light::directional(DVec3::new(-0.8, -1.0, 0.3).normalize(), DVec3::ONE)];
+    scene.lights = vec![Light::Directional {
+        direction: DVec3::new(-0.8, -1.0, 0.3).normalize(),
+        colour: DVec3::ONE,
+        angle: 0.0,
+        shadows: true,
+    }];
     let mut picture = |mode: &str, shadows| {
-        let look = Look { shadows, ..Look::default() };
+        let look = Look { shadows, shading, ..Look::default() };
         render(on, &scene, &RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() })
     };
     let many = [true, false].map(|shadows| picture("supersample:128", shadows));
+    let few = [true, false].map(|shadows| picture(mode, shadows));
     let [with, without] = [0, 1].map(|at: usize| {
-        let one = picture(mode, at == 0);
-        let pairs = one.rgba.iter().zip(&many[at].rgba);
+        let pairs = few[at].rgba.iter().zip(&many[at].rgba);
         let sum: f64 = pairs.map(|(a, b)| f64::from(a[0] - b[0]).powi(2)).sum();
         (sum / many[at].rgba.len() as f64).sqrt()
     });
-    println!("{mode}: rms {with:.4}, without shadows {without:.4}");
-    assert!(with < 1.25 * without, "{mode}: {with}, without shadows {without}");
+    println!("{mode}, {shading}: rms {with:.4}, without shadows {without:.4}");
+    assert!(with < 1.25 * without, "{mode}, {shading}: {with}, without shadows {without}");
+    // The ball ends at .25.
+    let pixel = 2.0 * half_height() / 64.0;
+    let floor = (0..64 * 96).filter(|i| (0.3..0.38).contains(&(((i % 96) as f64 + 0.5 - 48.0) * pixel)));
+    let floor: Vec<f32> = floor.map(|i| (few[0].rgba[i][0] - few[1].rgba[i][0]).abs()).collect();
+    assert!(!floor.is_empty() && floor.iter().all(|&dark| dark < 1e-6), "{mode}, {shading}: the floor is dark");
 }
 
-/// Mode `volumetric`, on the CPU: an interval has the shadows of its middle. The GPU refuses them.
-#[test]
-fn intervals_have_the_shadows_of_their_middles() {
-    moving_ball(&mut Cpu::default(), &["volumetric:64"]);
-    own_shadow(&mut Cpu::default(), "volumetric:4");
-}
-
-#[cfg(feature = "gpu")]
-#[test]
-fn the_gpu_refuses_shadows_of_intervals() {
-    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_refuses_shadows_of_intervals") else { return };
-    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
-    scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE)];
-    for quality in ["volumetric:2", "volumetric:2+published"] {
-        let options = RenderOptions { quality: quality.parse().unwrap(), ..RenderOptions::default() };
-        let refused = render_frame(&mut gpu, &scene, 0, &options);
-        assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{quality}: {refused:?}");
-        let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..options };
-        render(&mut gpu, &scene, &without);
-    }
+/// Mode `volumetric`: an interval has the shadows of its middle.
+fn intervals_have_the_shadows_of_their_middles(on: &mut dyn Backend) {
+    moving_ball(on, &["volumetric:64"]);
+    own_shadow(on, "volumetric:4", Shading::Gouraud);
 }
 
 /// A ball throws no shadow on itself where it faces the light, nor does a plane that light grazes.
@@ -335,23 +338,61 @@ fn shadows_do_not_depend_on_threads_and_memory() {
     assert!(whole == in_pool(1, &needed));
 }
 
-/// What has no shadows says so, and leaves them out where it is told to.
-fn what_has_no_shadows_refuses_them(on: &mut dyn Backend) {
-    let mut scene = scene(vec![white(sphere(500))], [32, 24], DVec3::new(0.0, 0.0, 4.0), 40.0);
+/// All of a floor is in the shadow of a roof. The camera turns by half of what it shows, so samples of the bucket show
+/// much that the middle one does not.
+fn surfels_that_come_into_view_have_shadows(on: &mut dyn Backend) {
+    let floor = square([-2.0, -2.0], [2.0, 2.0], 0.0, 0.05);
+    let roof = square([-2.5, -2.5], [2.5, 2.5], 1.0, 0.05);
+    let mut scene = from_above(vec![floor, roof], [96, 64]);
+    let (eye, angle) = (scene.camera.eye, -0.5 * scene.camera.fovy);
+    scene.camera.motions = vec![Motion::Rotation { axis: DVec3::Z, per_frame: angle, centre: eye }];
+    (scene.shutter.open, scene.shutter.close) = (-0.5, 0.5);
     scene.lights = vec![Light::directional(-DVec3::Y, DVec3::ONE)];
-    // Surfels of a bucket are shaded at their own times.
     let look = Look { shading: Shading::Gouraud, ..Look::default() };
-    for (mode, is_refused) in [("bucket:2x1", false), ("bucket:2x4", true)] {
-        let options = RenderOptions { quality: mode.parse().unwrap(), look: look.clone(), ..RenderOptions::default() };
-        let frame = render_frame(on, &scene, 0, &options);
-        assert_eq!(matches!(frame, Err(BackendError::Shadows { .. })), is_refused, "{mode}: {frame:?}");
+    let options = RenderOptions { quality: "bucket:1x4".parse().unwrap(), look, ..RenderOptions::default() };
+    let picture = render(on, &scene, &options);
+    let brightest = picture.rgba.iter().map(|pixel| pixel[0]).fold(0.0, f32::max);
+    assert!(brightest < 1e-6 && picture.rgba.iter().all(|pixel| pixel[3] > 0.99), "{brightest}");
+}
+
+/// What does not blur before a camera that moves is in the world where it is at the frame's number: there it casts and
+/// receives, as in the reference. A post that blurs or not throws its shadow on a floor that does the other, and on a
+/// ball that does as the post.
+fn what_is_held_has_the_shadows_of_the_reference(on: &mut dyn Backend) {
+    let post = square([-0.1, -0.1], [0.1, 0.1], 0.4, 0.01);
+    let mut ball = white(sphere(2000));
+    (ball.transform.scale, ball.transform.translate) = (DVec3::splat(0.15), DVec3::new(0.25, 0.15, 0.1));
+    let floor = square([-1.2, -1.0], [1.2, 1.0], 0.0, 0.02);
+    let mut scene = scene(vec![floor, post, ball], [96, 64], DVec3::new(0.1, 1.2, 1.0), 40.0);
+    scene.camera.at = DVec3::ZERO;
+    scene.camera.motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.0) }];
+    (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
+    scene.lights = vec![Light::Directional {
+        direction: DVec3::new(0.5, -1.0, 0.2).normalize(),
+        colour: DVec3::ONE,
+        angle: 0.0,
+        shadows: true,
+    }];
+    for (shading, mode, blurs) in [
+        (Shading::Phong, "supersample:64", [true, false, false]),
+        (Shading::Phong, "supersample:64", [false, true, true]),
+        (Shading::Phong, "supersample:64", [false, false, false]),
+        (Shading::Gouraud, "supersample:64", [true, false, false]),
+        (Shading::Gouraud, "bucket:16x4", [false, true, true]),
+        (Shading::Gouraud, "volumetric:32", [false, true, false]),
+        (Shading::Phong, "auto", [true, false, false]),
+    ] {
+        scene.objects.iter_mut().zip(blurs).for_each(|(object, blurs)| object.blur = blurs);
+        let look = Look { shading, ..Look::default() };
+        let traced = ReferenceOptions { samples: 64, look: look.clone(), ..ReferenceOptions::default() };
+        let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
+        let options = RenderOptions { quality: mode.parse().unwrap(), look, ..RenderOptions::default() };
+        let worst = worst_square(&render(on, &scene, &options), &truth);
+        let look = Look { shadows: false, ..options.look.clone() };
+        let lit = worst_square(&render(on, &scene, &RenderOptions { look, ..options }), &truth);
+        println!("{mode}, {shading}, {blurs:?}: worst {worst:.4}, without shadows {lit:.3}");
+        assert!(worst < 0.05 && lit > 0.2, "{mode}, {shading}, {blurs:?}: {worst}, without shadows {lit}");
     }
-    scene.objects[0].blur = false;
-    render(on, &scene, &samples(1));
-    scene.camera.motions = vec![Motion::Linear { velocity: DVec3::X }];
-    let refused = render_frame(on, &scene, 0, &samples(1));
-    assert!(matches!(refused, Err(BackendError::Shadows { .. })), "{refused:?}");
-    render(on, &scene, &RenderOptions { look: Look { shadows: false, ..Look::default() }, ..samples(1) });
 }
 
 /// Modes in which each backend decides what it renders next show the same on both: auto, and what it refines.

@@ -302,6 +302,26 @@ fn lights_with_shadows_are_read_and_written() {
     }
 }
 
+/// Who receives shadows, and what catches them, arrive and come back from a file that is written.
+#[test]
+fn receivers_of_shadows_are_read_and_written() {
+    let object = |attributes: &str| format!("<object {attributes}><pointModel>m.ply</pointModel></object>");
+    let all = [object(""), object("receiveShadows='false'"), object("shadowCatcher='true'")].concat();
+    let dir = Dir::new(format!("<scene>{all}</scene>"));
+    for round in 0..2 {
+        let scene = dir.load().unwrap().scene;
+        let found: Vec<_> = scene.objects.iter().map(|o| (o.receive_shadows, o.shadow_catcher)).collect();
+        assert_eq!(found, [(true, false), (false, false), (true, true)], "round {round}");
+        dir.add("scene.xml", to_xml(&scene, dir.0.path()));
+    }
+    for (name, value) in [("receiveShadows", "yes"), ("shadowCatcher", "1e30")] {
+        refused(
+            format!("<scene>\n{}</scene>", object(&format!("{name}='{value}'"))),
+            &format!("scene.xml:2:9: `{name}` is `{value}`, expected true or false"),
+        );
+    }
+}
+
 #[test]
 fn every_value_arrives() {
     let s = loaded(EVERYTHING).scene;

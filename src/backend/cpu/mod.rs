@@ -364,10 +364,13 @@ impl Executor<'_> {
 
     /// Captures, volumes and the layers of see-through surfels, over the picture of the same group.
     fn composite(&mut self, group: usize) {
-        let scope = self.place.scope(group, self.place.band);
+        let Memory { transparent, shadows, .. } = &mut *self.memory;
+        // The opaque picture of the group, which was made just before, has drawn them.
+        let shadows = self.place.frame.has_shadows().then_some(&*shadows);
+        let scope = Scope { shadows, ..self.place.scope(group, self.place.band) };
         let splat_bytes = self.budget.transparent_bytes;
         let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes };
-        work.run(self.fixed, &mut self.memory.transparent, self.film);
+        work.run(self.fixed, transparent, self.film);
     }
 
     /// The layers of see-through surfels.

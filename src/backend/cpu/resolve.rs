@@ -2,6 +2,8 @@
 //!
 //! In: a tile's sums and coverage. Out: the tile's film. One sample position at a time, order-free.
 
+use glam::Vec3;
+
 use super::mirror::{Mirror, Rows, rays};
 use super::shadows::Shadows;
 use super::tiles::{LANES, Lanes, ROWS, STRIDE, TILE, TileRect, lanes};
@@ -12,7 +14,10 @@ use crate::frame::{PosedSample, Raster, RasterArea};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
 use crate::options::Shading;
-use crate::shading::{ShadingLight, agreement, towards_point};
+use crate::shading::{ShadingLight, agreement, luminance, smooth_light, towards_point};
+
+/// Share of a pixel beside shadow catchers below which rounding is all that there is.
+const ALL_CAUGHT: f32 = 1e-5;
 
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
 #[derive(Clone, Debug, Default)]
@@ -157,6 +162,7 @@ pub(in crate::backend::cpu) fn add_lanes(
     let channels = resolve.channels;
     let mean = |channel: usize| rows.mean(channel, x, inverse);
     let mut colour = [mean(1), mean(2), mean(3)];
+    let mut own_share = *share;
     let mean_normal = channels.normal.map(|at| [mean(at), mean(at + 1), mean(at + 2)]);
     let normal = mean_normal.map(unit);
     if let (Shading::Phong, Some(first), Some(mean_normal), Some(normal)) =
@@ -165,8 +171,16 @@ pub(in crate::backend::cpu) fn add_lanes(
         let shading = &shortened(mean_normal, normal);
         let depth = channels.depth.map(&mean);
         let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
+        let held = channels.held.map(&mean);
         let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
-        colour = shade_lanes(resolve, pixel, &colour, shading, depth.as_ref(), material.as_ref());
+        let receives = channels.receives.map(&mean);
+        let caught = channels.catcher.map(&mean);
+        if let Some(caught) = &caught {
+            without_white(&mut colour, caught);
+        }
+        let (depth, receives, held) = (depth.as_ref(), receives.as_ref(), held.as_ref());
+        let seen = SeenSurface { pixel, normal: shading, depth, receives, held };
+        colour = shade_lanes(resolve, &seen, &colour, material.as_ref());
         if let Some(surroundings) = resolve.surroundings {
             let reflection = channels.reflection.map_or([channels.mirror; LANES], &mean);
             let (camera, raster) = (&resolve.sample.world_from_camera, resolve.raster);
@@ -174,12 +188,15 @@ pub(in crate::backend::cpu) fn add_lanes(
             let mirror = Mirror { surroundings, camera, raster, tile, rows, channel: first, at, inverse, normal };
             mirror.add(&reflection, &mut colour);
         }
+        if let Some(caught) = &caught {
+            own_share = catch(resolve, &seen, material.as_ref(), caught, &mut colour, share);
+        }
     }
     let mut add = |plane: usize, value: &Lanes| {
         let Some(out) = film.values[(plane * TILE + y) * TILE + x..].first_chunk_mut::<LANES>() else { return };
         let old = *out;
         for l in 0..LANES {
-            out[l] = old[l] + weight * (share[l] * value[l]);
+            out[l] = old[l] + weight * (own_share[l] * value[l]);
         }
     };
     add(0, &colour[0]);
@@ -211,32 +228,156 @@ fn shortened(mean: &[Lanes; 3], unit: &[Lanes; 3]) -> [Lanes; 3] {
     out
 }
 
+/// The surface that `LANES` neighbouring pixels show.
+struct SeenSurface<'a> {
+    /// Column and row of the first of them.
+    pixel: [f32; 2],
+    /// Normals that shade.
+    normal: &'a [Lanes; 3],
+    depth: Option<&'a Lanes>,
+    /// On which share of it shadows fall; `None`: on all.
+    receives: Option<&'a Lanes>,
+    /// The shares of held objects, where there are others, too.
+    held: Option<&'a Lanes>,
+}
+
+impl SeenSurface<'_> {
+    /// The shares of a light with shadows that reach it. `ray`: of depth 1.
+    #[inline(always)]
+    fn seen(&self, resolve: &Resolve<'_>, number: usize, light: &ShadingLight, ray: &[Lanes; 3]) -> Lanes {
+        let (Some(shadows), Some(depth), true) = (resolve.shadows, self.depth, light.has_shadows()) else {
+            return [1.0; LANES];
+        };
+        let mut place = [[0.0; LANES]; 3];
+        for c in 0..3 {
+            for l in 0..LANES {
+                place[c][l] = ray[c][l] * depth[l];
+            }
+        }
+        let asked = self.asked(resolve, &place);
+        let (asked, depth) = match &asked {
+            Some(asked) => (asked, shadows.depth(asked)),
+            None => (&place, *depth),
+        };
+        let mut seen = shadows.seen(number, light, [self.normal, &place], asked, &depth);
+        if let Some(receives) = self.receives {
+            for l in 0..LANES {
+                seen[l] = 1.0 - receives[l] * (1.0 - seen[l]);
+            }
+        }
+        seen
+    }
+
+    /// Where shadows are asked for what is at `place`, as the camera shows it: held objects are elsewhere in the world.
+    /// The object that most of a pixel shows decides.
+    #[inline(always)]
+    fn asked(&self, resolve: &Resolve<'_>, place: &[Lanes; 3]) -> Option<[Lanes; 3]> {
+        if self.held.is_none() && !resolve.channels.all_held {
+            return None;
+        }
+        let held = &resolve.sample.held;
+        let mut out = *place;
+        for l in 0..LANES {
+            if self.held.is_none_or(|shares| shares[l] > 0.5) {
+                let shown = Vec3::new(place[0][l], place[1][l], place[2][l]);
+                (out[0][l], out[1][l], out[2][l]) = (held.turn * shown + held.shift).into();
+            }
+        }
+        Some(out)
+    }
+}
+
+/// Of mean colours the part that shadow catchers have none of: those are white in the mean, with shares `caught`.
+#[inline(never)]
+fn without_white(colour: &mut [Lanes; 3], caught: &Lanes) {
+    for colour in colour {
+        for l in 0..LANES {
+            let rest = 1.0 - caught[l];
+            let own = (colour[l] - caught[l]) / rest;
+            colour[l] = if rest > ALL_CAUGHT && own > 0.0 { own } else { 0.0 };
+        }
+    }
+}
+
+/// What a pixel shows of shadow catchers, which have the share `caught` of it: of their white nothing but the light that
+/// shadows take away, as alpha (docs/math.md, eq. 55). `colour`, lit, is that of the rest; it is changed to the mean
+/// over what is counted. Returns the share of the pixel that counts, given that it is covered for `share`.
+#[inline(never)]
+fn catch(
+    resolve: &Resolve<'_>,
+    surface: &SeenSurface<'_>,
+    material: Option<&[Lanes; 4]>,
+    caught: &Lanes,
+    colour: &mut [Lanes; 3],
+    share: &Lanes,
+) -> Lanes {
+    let uniform = resolve.channels.uniform.unwrap_or_default();
+    let [ambient, diffuse] =
+        material.map_or([uniform.ambient, uniform.diffuse].map(|v| [v; LANES]), |material| [material[0], material[1]]);
+    let [ray, _] = rays(&resolve.sample.world_from_camera, resolve.raster, surface.pixel);
+    let (mut all, mut taken) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+    for (number, light) in resolve.sample.lights.iter().enumerate() {
+        let seen = surface.seen(resolve, number, light, &ray);
+        for l in 0..LANES {
+            let n = surface.normal.map(|axis| axis[l]);
+            let cosine = |towards: [f32; 3]| {
+                let cosine = n[0] * towards[0] + n[1] * towards[1] + n[2] * towards[2];
+                diffuse[l] * if cosine > 0.0 { cosine } else { 0.0 }
+            };
+            let (factor, of_light) = match *light {
+                ShadingLight::Ambient { colour } => (ambient[l], luminance(colour.to_array())),
+                ShadingLight::Harmonics { terms } => (diffuse[l], luminance(smooth_light(&terms, n))),
+                ShadingLight::Directional { towards, colour, .. } => {
+                    (cosine(towards.to_array()), luminance(colour.to_array()))
+                }
+                ShadingLight::Point { position, colour, .. } => {
+                    let depth = surface.depth.map_or(0.0, |depth| depth[l]);
+                    let at = [ray[0][l] * depth, ray[1][l] * depth, ray[2][l] * depth];
+                    let (towards, falloff) = towards_point(position.to_array(), at);
+                    (cosine(towards) * falloff, luminance(colour.to_array()))
+                }
+            };
+            taken[l] += factor * of_light * (1.0 - seen[l]);
+            // One direction of the sky says nothing about how much light comes from all.
+            all[l] += match &resolve.sample.sky {
+                Some(terms) if number + 1 == resolve.sample.lights.len() => {
+                    diffuse[l] * luminance(smooth_light(terms, n))
+                }
+                _ => factor * of_light,
+            };
+        }
+    }
+    let mut counted = [0.0; LANES];
+    for l in 0..LANES {
+        let alpha = if all[l] > 0.0 { taken[l] / all[l] } else { 0.0 };
+        let rest = 1.0 - caught[l];
+        let rest = if rest > ALL_CAUGHT { rest } else { 0.0 };
+        let seen = rest + caught[l] * alpha;
+        counted[l] = share[l] * seen;
+        let factor = if seen > 0.0 { rest / seen } else { 0.0 };
+        for colour in &mut *colour {
+            colour[l] *= factor;
+        }
+    }
+    counted
+}
+
 /// Deferred shading (Wolf 2008, 4.1.1): the equation of `shading::shade`, for `LANES` neighbouring pixels.
 #[inline(always)]
 fn shade_lanes(
     resolve: &Resolve<'_>,
-    pixel: [f32; 2],
+    surface: &SeenSurface<'_>,
     colour: &[Lanes; 3],
-    normal: &[Lanes; 3],
-    depth: Option<&Lanes>,
     material: Option<&[Lanes; 4]>,
 ) -> [Lanes; 3] {
+    let &SeenSurface { pixel, normal, depth, .. } = surface;
     let uniform = resolve.channels.uniform.unwrap_or_default();
     let flat = [uniform.ambient, uniform.diffuse, uniform.specular, uniform.shininess];
     let material = material.copied().unwrap_or(flat.map(|v| [v; LANES]));
     let [ray, view] = rays(&resolve.sample.world_from_camera, resolve.raster, pixel);
     let mut out = [[0.0; LANES]; 3];
     for (number, light) in resolve.sample.lights.iter().enumerate() {
-        let mut seen = [1.0; LANES];
-        if let (Some(shadows), Some(depth), true) = (resolve.shadows, depth, light.has_shadows()) {
-            let mut place = [[0.0; LANES]; 3];
-            for c in 0..3 {
-                for l in 0..LANES {
-                    place[c][l] = ray[c][l] * depth[l];
-                }
-            }
-            seen = shadows.seen(number, light, normal, &place, depth);
-        }
+        let seen = surface.seen(resolve, number, light, &ray);
         match *light {
             ShadingLight::Ambient { colour: la } => {
                 for c in 0..3 {

@@ -4,6 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
+use glam::Vec3;
+
 use super::attribute::Attributes;
 use super::bin::Binned;
 use super::chunk::Chunk;
@@ -19,7 +21,7 @@ use super::values::{self, Faced, Shown};
 use super::waste::{WasteView, Wasteful};
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
-use crate::frame::{Frame, PosedGroup, Raster};
+use crate::frame::{Frame, PosedGroup, PosedObject, Raster};
 use crate::layout::Channels;
 use crate::options::Prefilter;
 
@@ -74,8 +76,19 @@ impl Scope<'_> {
             surroundings: self.frame.surroundings.as_ref(),
             pixel: self.raster.pixel / self.raster.focal,
             strip: Strip::of(self.raster).filter(|_| sample.objects[chunk.object].turns()),
-            shadows: self.shadows,
+            shadows: self.shadows.filter(|_| self.frame.objects[chunk.object].receives),
+            middle: self.middle(chunk),
         }
+    }
+
+    /// The object of a chunk in the middle of the group, if its shadows are of another place than its own.
+    fn middle(&self, chunk: &Chunk<'_>) -> Option<(&PosedObject, Vec3)> {
+        let middle = self.group.samples.len() / 2;
+        let is_elsewhere = middle != chunk.sample || self.frame.objects[chunk.object].is_held;
+        let sample = &self.group.samples[middle];
+        let posed = &sample.objects[chunk.object];
+        let has_other = self.shadows.is_some() && is_elsewhere && posed.visible;
+        has_other.then(|| (posed, self.frame.place_of(chunk.object, sample)))
     }
 
     /// What `attribute` needs for one chunk, whose splats have `values`.

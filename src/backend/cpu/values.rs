@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use super::land::Strip;
 use super::project::transform;
-use super::shadows::Shadows;
+use super::shadows::{Moved, Shadows};
 use super::tiles::{LANES, Lanes};
 use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
@@ -40,6 +40,9 @@ pub(in crate::backend) struct Shown<'a> {
     pub strip: Option<Strip>,
     /// `None`: no light has any.
     pub shadows: Option<&'a Shadows>,
+    /// The object in the world in the middle of the group, of which the shadows are: its pose, and the origin of its
+    /// model relative to the eye. `None`: it is posed so, or not there then.
+    pub middle: Option<(&'a PosedObject, Vec3)>,
 }
 
 /// What it shows the side of.
@@ -116,6 +119,10 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         let i = faces[l].0 as usize;
         (colour[0][l], colour[1][l], colour[2][l]) = surfels.colour[i].into();
     }
+    // What is seen of it is how much light falls on white.
+    if shown.object.catcher {
+        colour = [[1.0; LANES]; 3];
+    }
     if gouraud || channels.normal.is_some() {
         for l in 0..LANES {
             let (surfel, flags) = faces[l];
@@ -150,7 +157,8 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         }
         let position = transform(&posed.world_from_model, posed.world_origin, &position);
         let view = unit(position.map(|axis| axis.map(|v| -v)));
-        colour = lit(shown, &colour, &normal, &position, &view, &of_material);
+        let moved = shown.middle.map(|middle| Moved::of(posed, middle, surfels, &paths, &faces.map(|face| face.0)));
+        colour = lit(shown, &colour, &normal, &position, moved.as_ref(), &view, &of_material);
         mirror(shown, &mut colour, &normal, &view);
     }
     for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
@@ -161,6 +169,15 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         }
         if let Some(at) = channels.reflection {
             out[at] = shown.object.reflection;
+        }
+        if let Some(at) = channels.receives {
+            out[at] = f32::from(shown.object.receives);
+        }
+        if let Some(at) = channels.catcher {
+            out[at] = f32::from(shown.object.catcher);
+        }
+        if let Some(at) = channels.held {
+            out[at] = f32::from(u8::from(shown.object.is_held));
         }
         if let Some(at) = channels.opacity {
             let own = surfels.opacity.get(faces[l].0 as usize).copied().unwrap_or(1.0);
@@ -185,19 +202,16 @@ fn lit(
     colour: &[Lanes; 3],
     normal: &[Lanes; 3],
     position: &[Lanes; 3],
+    moved: Option<&Moved>,
     view: &[Lanes; 3],
     material: &[Lanes; 4],
 ) -> [Lanes; 3] {
     let mut out = [[0.0; LANES]; 3];
-    let axis = shown.sample.world_from_camera.z_axis;
     for (number, light) in shown.sample.lights.iter().enumerate() {
         let mut seen = [1.0; LANES];
         if let (Some(shadows), true) = (shown.shadows, light.has_shadows()) {
-            let mut depth = [0.0; LANES];
-            for l in 0..LANES {
-                depth[l] = -(axis.x * position[0][l] + axis.y * position[1][l] + axis.z * position[2][l]);
-            }
-            seen = shadows.seen(number, light, normal, position, &depth);
+            let asked = moved.map_or(*position, |moved| shadows.asked(number, moved));
+            seen = shadows.seen(number, light, [normal, position], &asked, &shadows.depth(&asked));
         }
         match *light {
             ShadingLight::Ambient { colour: of_light } => {

@@ -98,6 +98,13 @@ impl<'a> JobPlace<'a> {
 }
 
 impl Job<'_> {
+    /// Do its surfels receive shadows? See-through ones do not, nor is anything shaded on the map of an interval.
+    pub(in crate::backend) fn is_shadowed(&self) -> bool {
+        let prepared = self.place.prepared;
+        let is_map = prepared.frame.swept.is_some() && self.interval.is_none();
+        prepared.schedule.shadows.lights > 0 && !self.see_through && !is_map
+    }
+
     /// What all of its views have, alone in their round. `entries`: those that there is room for.
     pub(in crate::backend) fn view(&self, entries: u64) -> View {
         let Job { place, group, area, map, .. } = *self;

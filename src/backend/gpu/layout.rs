@@ -133,6 +133,8 @@ pub(in crate::backend) const FLAG_VOLUME: u32 = 4;
 pub(in crate::backend) const FLAG_LIT: u32 = 8;
 /// The layers of a volume stay those of the last projection.
 pub(in crate::backend) const FLAG_KEEP_LAYER: u32 = 16;
+/// Shadows fall on the capture.
+pub(in crate::backend) const FLAG_RECEIVES: u32 = 32;
 
 /// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample. The pose of centres,
 /// and their motion, are over an interval the mean place by Simpson's rule, and half the difference of the ends
@@ -165,7 +167,7 @@ pub(in crate::backend) struct Segment {
     pub pace: f32,
     pub columns: u32,
     pub view: u32,
-    pub unused: u32,
+    pub middle: u32,
 }
 
 /// A light of one sample, or two terms of one from all around.
@@ -288,7 +290,8 @@ impl Segment {
         let has_materials = !surfels.material.is_empty();
         let materials = object.material.is_none() && has_materials;
         let has_opacity = !surfels.opacity.is_empty();
-        let columns = Vec3::new(object.opacity, object.reflection, 0.0);
+        let shadows = u8::from(object.receives) + 2 * u8::from(object.catcher) + 4 * u8::from(object.is_held);
+        let columns = Vec3::new(object.opacity, object.reflection, f32::from(shadows));
         let factors = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
@@ -309,6 +312,13 @@ impl Segment {
             columns: 9 + 3 * object.shape.paths().order() as u32,
             ..Self::zeroed()
         }
+    }
+}
+
+impl Segment {
+    /// The same where the origin of the model is at `origin` relative to the eye, world axes.
+    pub(in crate::backend) fn placed(self, posed: &PosedObject, origin: Vec3) -> Self {
+        Self { world: rows(&posed.world_from_model, origin), ..self }
     }
 }
 
@@ -377,6 +387,11 @@ pub(in crate::backend) fn lights(samples: &[PosedSample]) -> Vec<Light> {
         sample.lights.iter().zip(shadows).flat_map(|(of, shadow)| light(of, shadow)).collect::<Vec<_>>()
     };
     samples.iter().flat_map(of_sample).collect()
+}
+
+/// The records of light from all around.
+pub(super) fn harmonics(terms: &[Vec3; 9]) -> Vec<Light> {
+    light(&ShadingLight::Harmonics { terms: *terms }, 0)
 }
 
 /// Number of the records of the lights of a sample.

@@ -56,11 +56,13 @@ pub(in crate::backend) enum Program {
     PeelResolve,
     PeelLeftOut,
     ShadowFit,
+    ShadowCentres,
     ShadowPlanes,
     ShadowLayout,
     ShadowDraw,
     ShadowDrawWide,
     ShadowSurfels,
+    ShadowGaussians,
     ShadowedValues,
     ShadowedResolve,
 }
@@ -93,6 +95,8 @@ pub(in crate::backend) enum Per {
     Casters,
     CasterAndLight,
     WideCasterAndLight,
+    /// Some Gaussians that receive shadows, which a table lists in a second uniform.
+    Receivers,
     /// A light with shadows of a view.
     ShadowLight,
 }
@@ -185,7 +189,7 @@ use Slot::{
 };
 
 /// All passes, in the order of [`Program`].
-pub(in crate::backend) static TABLE: [Row; 43] = [
+pub(in crate::backend) static TABLE: [Row; 45] = [
     Row {
         kernels: KERNELS,
         ..row(
@@ -465,6 +469,14 @@ pub(in crate::backend) static TABLE: [Row; 43] = [
         &[ShadowMaps],
     ),
     row(
+        (Program::ShadowCentres, "shadow_centres", Stage::Visibility),
+        ("shadows/centres.rs", "each"),
+        &[file!("shadows/centres.wgsl")],
+        Per::Receivers,
+        &[Geometry, Lights, Wanted, CaptureSegments],
+        &[ShadowMaps],
+    ),
+    row(
         (Program::ShadowPlanes, "shadow_planes", Stage::Visibility),
         ("shadows/map.rs", "of"),
         &[file!("shadows/planes.wgsl")],
@@ -503,6 +515,14 @@ pub(in crate::backend) static TABLE: [Row; 43] = [
         Per::Surfels,
         &[Geometry, Segments, Lights, Touched, ShadowMaps, Casters],
         &[Values],
+    ),
+    row(
+        (Program::ShadowGaussians, "shadow_gaussians", Stage::Project),
+        ("transparent/emission.rs", "light_left"),
+        &[file!("shadows/gaussians.wgsl")],
+        Per::Surfels,
+        &[Geometry, Lights, CaptureSegments, ShadowMaps, Casters],
+        &[Gaussians],
     ),
     row(
         (Program::ShadowedValues, "splat_values", Stage::Attribute),
@@ -555,7 +575,12 @@ impl Row {
     /// Number of its uniforms: the view, and a second one.
     pub(in crate::backend) const fn uniforms(&self) -> usize {
         match self.per {
-            Per::Surfels | Per::TileAndBackground | Per::Casters | Per::CasterAndLight | Per::WideCasterAndLight => 2,
+            Per::Surfels
+            | Per::TileAndBackground
+            | Per::Receivers
+            | Per::Casters
+            | Per::CasterAndLight
+            | Per::WideCasterAndLight => 2,
             _ => 1,
         }
     }

@@ -12,6 +12,7 @@ use super::memory::LONG;
 use super::passes::{Per, Program};
 use super::prepared::Prepared;
 use super::shadow_sizes::DRAWING;
+use super::shadows::shades_captures;
 use super::slots::Slot;
 use super::steps::{DevicePass, Kind, SHADOWS};
 use super::timestamps::{Marks, Stage};
@@ -103,7 +104,7 @@ impl<'a> Recorder<'a> {
         passes: &[P],
     ) -> Result<(), BackendError> {
         let Some(first) = batches.first() else { return Ok(()) };
-        if of.0 == Kind::Paint && self.binder.prepared.schedule.shadows.lights > 0 {
+        if of.0.is_shadowed() && self.binder.prepared.schedule.shadows.lights > 0 {
             self.shadows(first)?;
         }
         let mut at_hand = None;
@@ -146,6 +147,11 @@ impl<'a> Recorder<'a> {
         self.encoder.clear_buffer(&state.buffers[Slot::ShadowMaps], 0, Some(bytes));
         self.recorded += u64::from(first.views) * shadows.lights * shadows.casters;
         self.programs((Kind::Paint, 0), &SHADOWS, first)
+    }
+
+    /// May shadows fall on captures?
+    pub(in crate::backend) fn shades_captures(&self) -> bool {
+        shades_captures(self.binder.prepared)
     }
 
     /// Records a pass that makes the splats of a batch, or their lists.
@@ -255,6 +261,12 @@ impl<'a> Recorder<'a> {
                 for &SurfelDispatch { object, buffer, table, workgroups } in &batch.casters {
                     let groups = [workgroups, of_block[0], of_block[1]];
                     add(Own::Model(object, buffer), vec![view, table], Workgroups::These(groups))?;
+                }
+                Ok(())
+            }
+            Per::Receivers => {
+                for &SurfelDispatch { object, buffer, table, workgroups } in &batch.receivers {
+                    add(Own::Model(object, buffer), vec![view, table], Workgroups::These([workgroups, 1, 1]))?;
                 }
                 Ok(())
             }

@@ -11,6 +11,7 @@ use super::layout::{
 };
 use super::memory::makes_rounds;
 use super::prepared::Prepared;
+use super::shadows::shades_captures;
 use super::transparent::TransparentStep;
 use super::upload::{Placed, Upload};
 use crate::plan::{Published, Step};
@@ -362,7 +363,12 @@ impl<'a> OverGroup<'a> {
             kind.map(|(job, batches)| chunk.upload.place(&job, &batches, entries)).unwrap_or_default()
         };
         let GroupSurfels { opaque, see_through } = self.surfels;
-        let placed = [place(opaque), place(see_through)];
+        // Shadows of what is out of view are drawn with surfels, though there are none to paint.
+        let or_none = |(job, batches): (Job<'a>, Vec<Batch>)| {
+            let none = batches.is_empty() && shades_captures(job.place.prepared);
+            (job, if none { vec![Batch::default()] } else { batches })
+        };
+        let placed = [place(opaque.map(or_none)), place(see_through)];
         add_steps(film, placed, &[self.job], chunk, entries);
     }
 
@@ -370,11 +376,11 @@ impl<'a> OverGroup<'a> {
     /// tiles alike.
     fn add_round(all: Vec<Self>, opaque: &[(Job<'a>, Batch, u32)], chunk: &mut Chunk, entries: u64) {
         let film = all[0].job.place.film;
-        let mut place = |groups: &[(Job<'a>, Batch, u32)]| {
-            let some = groups.iter().any(|(_, batch, _)| batch.slots > 0);
+        let mut place = |groups: &[(Job<'a>, Batch, u32)], shades: bool| {
+            let some = shades || groups.iter().any(|(_, batch, _)| batch.slots > 0);
             some.then(|| chunk.upload.place_round(groups, entries)).into_iter().collect()
         };
-        let placed = place(opaque);
+        let placed = place(opaque, shades_captures(all[0].job.place.prepared));
         let jobs: Vec<_> = all.iter().map(|over| over.job).collect();
         let layers: Vec<_> = (0..)
             .zip(all)
@@ -383,7 +389,7 @@ impl<'a> OverGroup<'a> {
                 (job, batches.into_iter().next().unwrap_or_default(), number)
             })
             .collect();
-        let placed = [placed, place(&layers)];
+        let placed = [placed, place(&layers, false)];
         add_steps(film, placed, &jobs, chunk, entries);
     }
 }

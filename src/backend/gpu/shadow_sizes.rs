@@ -45,10 +45,6 @@ impl ShadowSizes {
         let Some(sample) = frame.all_samples().next().filter(|_| frame.has_shadows()) else {
             return Ok(Self::default());
         };
-        if frame.swept.is_some() {
-            let what = "the GPU backend has, in mode `volumetric`,";
-            return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
-        }
         let shadows = || sample.lights.iter().filter(|light| light.has_shadows());
         let lights = shadows().count() as u64;
         if lights > MOST_LIGHTS {
@@ -108,6 +104,9 @@ impl Extents {
             squares.fold(0.0, f32::max).sqrt()
         };
         let extent = |object: &FrameObject| {
+            if let Some((gaussians, _)) = object.drawn().filter(|_| object.receives) {
+                return Extent { length: most(&gaussians.position), ..Extent::default() };
+            }
             let Some(model) = object.shape.surfels().filter(|_| !object.see_through) else { return Extent::default() };
             let surfels = model.surfels();
             let axes = most(&surfels.axis_u) + most(&surfels.axis_v);
@@ -118,13 +117,13 @@ impl Extents {
 
     /// The distance from the eye of the farthest surfel at a sample, or more.
     pub(in crate::backend) fn at(&self, frame: &Frame, sample: &PosedSample) -> f32 {
-        let all = self.0.iter().zip(&sample.objects).filter(|(_, posed)| posed.visible);
-        let lengths = all.map(|(extent, posed)| {
+        let all = self.0.iter().zip(&sample.objects).enumerate().filter(|(_, (_, posed))| posed.visible);
+        let lengths = all.map(|(object, (extent, posed))| {
             let moved: f32 = extent.columns.iter().zip(posed.elapsed).map(|(rate, factor)| rate * factor.abs()).sum();
             let linear = posed.world_from_model;
             let stretch =
                 linear.x_axis.length_squared() + linear.y_axis.length_squared() + linear.z_axis.length_squared();
-            posed.world_origin.length() + stretch.sqrt() * (extent.length + moved)
+            frame.place_of(object, sample).length() + stretch.sqrt() * (extent.length + moved)
         });
         lengths.filter(|length| length.is_finite()).fold(frame.near, f32::max)
     }

@@ -30,6 +30,11 @@ pub(in crate::backend) enum Kind {
 }
 
 impl Kind {
+    /// Do its surfels receive shadows?
+    pub(super) const fn is_shadowed(self) -> bool {
+        matches!(self, Self::Paint | Self::Sweep | Self::Published)
+    }
+
     /// The kernels of surfels at instants.
     pub(super) fn kernel(self, frame: &Frame) -> KernelKind {
         match self {
@@ -76,8 +81,23 @@ impl Kind {
 }
 
 /// What draws the shadow maps of groups, before their other passes.
-pub(super) const SHADOWS: [Program; 5] =
-    [Program::ShadowFit, Program::ShadowPlanes, Program::ShadowLayout, Program::ShadowDraw, Program::ShadowDrawWide];
+pub(super) const SHADOWS: [Program; 6] = [
+    Program::ShadowFit,
+    Program::ShadowCentres,
+    Program::ShadowPlanes,
+    Program::ShadowLayout,
+    Program::ShadowDraw,
+    Program::ShadowDrawWide,
+];
+
+/// The programs that find the values of splats: whoever shades asks the shadow maps.
+fn splat_values(frame: &Frame) -> Vec<Program> {
+    if frame.shading == Shading::Gouraud && frame.has_shadows() {
+        vec![Program::ShadowSurfels, Program::ShadowedValues]
+    } else {
+        vec![Program::SplatValues]
+    }
+}
 
 /// A pass of a step that works on batches of surfels.
 pub(in crate::backend) trait DevicePass: TilePass {
@@ -87,19 +107,14 @@ pub(in crate::backend) trait DevicePass: TilePass {
 
 impl DevicePass for PaintPass {
     fn programs(self, frame: &Frame, batch: &Placed, _batches: usize) -> Vec<Program> {
-        // Whoever shades asks the shadow maps.
-        let shadowed = |shading| frame.shading == shading && frame.has_shadows();
         match self {
-            Self::Attribute if shadowed(Shading::Gouraud) => {
-                vec![Program::ShadowSurfels, Program::ShadowedValues, Program::Attribute]
-            }
-            Self::Resolve if shadowed(Shading::Phong) => vec![Program::ShadowedResolve],
             Self::Visibility if batch.shares_rest => {
                 vec![Program::Visibility, Program::VisibilityEntries, Program::JoinRest]
             }
             Self::Visibility => vec![Program::Visibility, Program::VisibilityEntries],
             Self::Second => vec![Program::Second, Program::SecondEntries],
-            Self::Attribute => vec![Program::SplatValues, Program::Attribute],
+            Self::Attribute => [splat_values(frame), vec![Program::Attribute]].concat(),
+            Self::Resolve if frame.shading == Shading::Phong && frame.has_shadows() => vec![Program::ShadowedResolve],
             Self::Resolve => vec![Program::Resolve],
         }
     }
@@ -124,7 +139,7 @@ impl DevicePass for SweepPass {
     fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
             Self::Visibility => vec![Program::SweptVisibility, Program::SweptEntries],
-            Self::Attribute => vec![Program::SplatValues, Program::SweptAttribute],
+            Self::Attribute => [splat_values(frame), vec![Program::SweptAttribute]].concat(),
             Self::Resolve if pools(frame) => vec![Program::Pool],
             Self::Resolve => vec![Program::SweptResolve],
         }
@@ -143,7 +158,7 @@ impl DevicePass for MapPass {
 impl DevicePass for PublishedSweepPass {
     fn programs(self, frame: &Frame, _batch: &Placed, _batches: usize) -> Vec<Program> {
         match self {
-            Self::Attribute => vec![Program::SplatValues, Program::PublishedAttribute],
+            Self::Attribute => [splat_values(frame), vec![Program::PublishedAttribute]].concat(),
             Self::Resolve if pools(frame) => vec![Program::PublishedPool],
             Self::Resolve => vec![Program::PublishedResolve],
         }

@@ -60,9 +60,11 @@ pub(super) const FILES: &[File] = files![
     "shadows/lookup.wgsl",
     "shadows/maps.wgsl",
     "shadows/posed.wgsl",
+    "shadows/receive.wgsl",
     "shadows/stamp.wgsl",
     "swept/slices.wgsl",
     "swept/sums.wgsl",
+    "transparent/segment.wgsl",
 ];
 
 /// The texts of files, each behind those that it includes, and none twice.

@@ -16,12 +16,13 @@ use super::captures::{Run, runs};
 use super::job::{Job, JobPlace};
 use super::layout::{
     CaptureSegment, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT,
-    FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, records, rows,
+    FLAG_RECEIVES, FLAG_VOLUME, LAST_SLAB, View, WORKGROUP_ITEMS, coefficients, records, rows,
 };
 use super::passes::Program;
 #[cfg(test)]
 use super::prepared::Prepared;
 use super::recorder::Recorder;
+use super::shadows::shades_captures;
 use super::slots::Slot;
 use super::steps::Kind;
 #[cfg(test)]
@@ -61,12 +62,17 @@ fn segment(
     let antialias = drawing.antialias.unwrap_or(gaussians.antialiased);
     let encode = gaussians.linear && frame.blending == Some(Blending::Coded);
     let (volume, lit) = (object.is_volume(), !gaussians.normal.is_empty());
+    // All samples have the shadows of the middle.
+    let receives = object.receives && shades_captures(place.prepared);
+    let middle = &group.samples[group.samples.len() / 2].objects[run.object];
+    let shaded = if receives { middle } else { posed };
     let flags = [
         (antialias, FLAG_ANTIALIAS),
         (encode, FLAG_ENCODE),
         (volume, FLAG_VOLUME),
         (lit, FLAG_LIT),
         (keeps_layers, FLAG_KEEP_LAYER),
+        (receives && drawing.flat.is_none(), FLAG_RECEIVES),
     ];
     let flags = flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, flag)| flag).sum();
     let lights = records(&group.samples[sample].lights);
@@ -93,7 +99,7 @@ fn segment(
         area: posed.screen_from_model.determinant().abs() * (LOG2_E / TAU),
         layer: layer(frame, group),
         normal: rows(&posed.normal_matrix, Vec3::ZERO),
-        world: rows(&posed.world_from_model, posed.world_origin),
+        world: rows(&shaded.world_from_model, shaded.world_origin),
         material: coefficients(object.material.unwrap_or_default()),
         first_light: light + (sample * lights) as u32,
         lights: lights as u32,
@@ -147,12 +153,16 @@ struct Part<'a> {
     slots: u32,
     /// Its first light.
     light: u32,
+    /// The lights whose shadows fall on captures, before the views of those that have some.
+    shadowed: Option<u32>,
 }
 
 impl<'a> Part<'a> {
     fn new(job: Job<'a>, upload: &mut Upload) -> Self {
         let (runs, slots) = runs(job.place.prepared, job.group);
-        Self { job, runs, slots, light: upload.add_lights(&job.group.samples) }
+        let light = upload.add_lights(&job.group.samples);
+        let shadowed = if shades_captures(job.place.prepared) { upload.add_light_views(&job) } else { None };
+        Self { job, runs, slots, light, shadowed }
     }
 
     /// Adds its segments at a sample, as view `number`, to `tables`.
@@ -212,7 +222,11 @@ impl TransparentStep {
 
 /// Records pass `project`.
 fn project(recorder: &mut Recorder<'_>, placed: &Placed) -> Result<(), BackendError> {
-    recorder.record_batch(Kind::Sorted, BatchPass::Project, placed)
+    recorder.record_batch(Kind::Sorted, BatchPass::Project, placed)?;
+    if recorder.shades_captures() {
+        recorder.programs((Kind::Sorted, 0), &[Program::ShadowGaussians], placed)?;
+    }
+    Ok(())
 }
 
 impl PlacedSample {
@@ -227,7 +241,7 @@ impl PlacedSample {
             let of_group = job.view(entries);
             views.push(View {
                 weight: samples[sample].weight,
-                first_light: part.light + of_group.first_light,
+                first_light: part.shadowed.unwrap_or(part.light + of_group.first_light),
                 views: placed.views,
                 number: number as u32,
                 rest: number as u32,

@@ -1,7 +1,7 @@
 //! What the passes of a chunk of a frame read from the host: views, tables of workgroups, segments, lights and moments.
 //! It is uploaded once, before the chunk is submitted.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use bytemuck::Zeroable;
 
@@ -13,7 +13,7 @@ use super::job::Job;
 use super::layout::{
     CaptureSegment, Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, View, WORKGROUP_SURFELS, WORKGROUPS, lights,
 };
-use super::shadows::{caster_segments, light_views};
+use super::shadows::{caster_segments, light_views, receiver_segments};
 use super::slots::{Slot, TABLE_BYTES};
 use crate::backend::BackendError;
 use crate::frame::PosedSample;
@@ -39,6 +39,8 @@ pub(in crate::backend) struct Placed {
     pub surfels: Vec<SurfelDispatch>,
     /// What casts shadows: of the first batch of a group.
     pub casters: Vec<SurfelDispatch>,
+    /// The captures that receive shadows: of the first batch of a group.
+    pub receivers: Vec<SurfelDispatch>,
     /// Where the background behind what is transparent is, bytes.
     pub backdrop: u32,
 }
@@ -65,20 +67,22 @@ pub(in crate::backend) struct Upload {
 }
 
 /// Where what belongs to a group begins.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct OfGroup {
     segment: u32,
     light: u32,
     /// The lights that shadows are asked for, before the views of those that have some.
     shadowed: Option<u32>,
     moment: u32,
+    /// The segments of what casts shadows, by object and surfel buffer: their indices, and numbers of surfels.
+    casters: BTreeMap<[usize; 2], (u32, u32)>,
 }
 
 /// A batch of a group in a round, with what is known before it.
 struct Part<'a> {
     job: &'a Job<'a>,
     batch: &'a Batch,
-    of_group: OfGroup,
+    of_group: &'a OfGroup,
     /// Is it all of the group?
     is_whole: bool,
     /// Has the group batches before it? The turn of the last of them.
@@ -131,29 +135,42 @@ impl Upload {
         first
     }
 
+    /// Adds the lights of a group that shadows are asked for, and how they see. Returns the index of the first; `None`
+    /// where none has shadows.
+    pub(in crate::backend) fn add_light_views(&mut self, job: &Job<'_>) -> Option<u32> {
+        let views = light_views(job);
+        let first = (!views.is_empty()).then_some(self.lights.len() as u32);
+        self.lights.extend(views);
+        first
+    }
+
     /// Adds the segment of a capture or volume. Returns its index.
     pub(in crate::backend) fn add_capture(&mut self, segment: &CaptureSegment) -> u32 {
         self.captures.push(*segment);
         self.captures.len() as u32 - 1
     }
 
-    /// Makes room for the segments of a group's batches.
-    fn add_group(&mut self, job: &Job<'_>, batches: &[Batch]) -> OfGroup {
+    /// Adds what belongs to a group, for view `view`, and makes room for the segments of its batches.
+    fn add_group(&mut self, job: &Job<'_>, batches: &[Batch], view: u32) -> OfGroup {
         let (segment, moment) = (self.segments.len() as u32, self.moments.len() as u32);
         self.segments.extend(job.group.samples.iter().map(|sample| Segment::weighing(sample.weight)));
         let posed: usize = batches.iter().map(|batch| batch.segments.len()).sum();
         self.segments.resize(self.segments.len() + posed, Segment::zeroed());
         let light = self.add_lights(&job.group.samples);
-        let views = light_views(job);
-        let shadowed = (!views.is_empty()).then_some(self.lights.len() as u32);
-        self.lights.extend(views);
+        let shadowed = self.add_light_views(job);
         self.moments.extend(job.interval.iter().flat_map(|interval: &&PosedInterval| interval.moments));
-        OfGroup { segment, light, shadowed, moment }
+        let mut casters = BTreeMap::new();
+        for (segment, object, buffer) in caster_segments(job) {
+            let index = self.segments.len() as u32;
+            casters.insert([object, buffer], (index, segment.surfels));
+            self.segments.push(Segment { view, index, middle: index, ..segment });
+        }
+        OfGroup { segment, light, shadowed, moment, casters }
     }
 
     /// Places a group that is cut into batches, which come one after the other.
     pub(in crate::backend) fn place(&mut self, job: &Job<'_>, batches: &[Batch], entries: u64) -> Vec<Placed> {
-        let of_group = self.add_group(job, batches);
+        let of_group = &self.add_group(job, batches, 0);
         let mut first_turn = 0;
         let mut placed = Vec::new();
         for (number, batch) in batches.iter().enumerate() {
@@ -169,20 +186,37 @@ impl Upload {
     /// Places a round: groups of one batch each, which go through the passes together. Each has the number of the view
     /// of what is at rest.
     pub(in crate::backend) fn place_round(&mut self, groups: &[(Job<'_>, Batch, u32)], entries: u64) -> Placed {
-        let mut part = |job, batch, rest| {
-            let of_group = self.add_group(job, std::slice::from_ref(batch));
-            Part { job, batch, of_group, is_whole: true, resumes: false, first_turn: 0, rest }
+        let add = |(view, (job, batch, _)): (u32, &(Job<'_>, Batch, u32))| {
+            self.add_group(job, std::slice::from_ref(batch), view)
         };
-        let parts: Vec<_> = groups.iter().map(|(job, batch, rest)| part(job, batch, *rest)).collect();
+        let of_groups: Vec<_> = (0..).zip(groups).map(add).collect();
+        let of_group = of_groups.iter();
+        let parts: Vec<_> = groups
+            .iter()
+            .zip(of_group)
+            .map(|((job, batch, rest), of_group)| Part {
+                job,
+                batch,
+                of_group,
+                is_whole: true,
+                resumes: false,
+                first_turn: 0,
+                rest: *rest,
+            })
+            .collect();
         self.place_parts(&parts, entries)
     }
 
     fn place_parts(&mut self, parts: &[Part<'_>], entries: u64) -> Placed {
         let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
         let mut views = Vec::new();
-        let (mut tables, mut casters) = (Tables::default(), Tables::default());
+        let [mut tables, mut casters, mut receivers] = [0; 3].map(|_| Tables::default());
         for (number, part) in parts.iter().enumerate() {
             let &Part { job, batch, of_group, is_whole, resumes, first_turn, rest } = part;
+            // What is alone in its group is posed as in the middle.
+            let frame = job.place.prepared.frame;
+            let is_elsewhere = |object: usize| frame.shades_samples() || frame.objects[object].is_held;
+            let middle = |object, buffer| of_group.casters.get(&[object, buffer]).filter(|_| is_elsewhere(object));
             let own = job.view(entries);
             views.push(View {
                 resumes: u32::from(resumes),
@@ -209,15 +243,18 @@ impl Upload {
                     first_light: of_group.light + segment.first_light,
                     index,
                     view: number as u32,
+                    middle: middle(*object, *buffer).map_or(index, |(caster, _)| *caster),
                     ..*segment
                 };
                 tables.add([*object, *buffer], index, segment.surfels);
             }
             // All batches of a group have the same shadows.
-            for (segment, object, buffer) in if resumes { Vec::new() } else { caster_segments(job) } {
-                let index = self.segments.len() as u32;
-                casters.add([object, buffer], index, segment.surfels);
-                self.segments.push(Segment { view: number as u32, index, ..segment });
+            if !resumes {
+                of_group.casters.iter().for_each(|(&buffer, &(index, surfels))| casters.add(buffer, index, surfels));
+            }
+            for (segment, object, buffer) in if resumes { Vec::new() } else { receiver_segments(job) } {
+                let index = self.add_capture(&CaptureSegment { view: number as u32, ..segment });
+                receivers.add([object, buffer], index, segment.count);
             }
             placed.shares_rest |= rest != number as u32;
             placed.slots += batch.slots;
@@ -235,6 +272,7 @@ impl Upload {
         placed.later = (1..stretches).map(|stretch| self.add_views(&of_stretch(stretch))).collect();
         placed.surfels = self.add_tables(&tables);
         placed.casters = self.add_tables(&casters);
+        placed.receivers = self.add_tables(&receivers);
         placed
     }
 

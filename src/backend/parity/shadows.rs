@@ -1,16 +1,16 @@
 //! Shadow maps: whole frames against the CPU's, in rounds, batches and bands.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
-use super::cases::{Case, ball, object, scene};
+use super::cases::{Case, ball, object, scene, surroundings};
 use super::gpu_or_skip;
 use super::mutants::{Mutant, all_are_noticed, named};
 use super::pictures::{look_the_same, render};
 use crate::backend::BackendError;
 use crate::backend::cpu::Cpu;
 use crate::backend::gpu::Gpu;
-use crate::model::Surfels;
-use crate::options::{BlurMode, Look, Prefilter, RenderOptions, Shading};
+use crate::model::{Gaussians, Surfels};
+use crate::options::{Look, Prefilter, RenderOptions, Shading};
 use crate::renderer::render_checked;
 use crate::scene::{Light, Motion, Scene};
 use crate::time::FrameNumber;
@@ -39,18 +39,34 @@ fn balls() -> Scene {
     scene
 }
 
+/// Flat Gaussians in the place of the floor: 24 in a row, in colours of a display.
+fn capture() -> Gaussians {
+    let mut floor = Gaussians::default();
+    for i in 0..24 * 24 {
+        let [x, z] = [i % 24, i / 24].map(|k| (k as f32 - 11.5) * 0.15);
+        floor.position.push(Vec3::new(x, 0.02 * ((i * 7) % 5) as f32, z));
+        floor.sigma.push(Vec3::new(0.1, 0.005, 0.12));
+        floor.rotation.push(Quat::from_rotation_y(0.1 * i as f32));
+        floor.opacity.push(0.9);
+        floor.base.push(Vec3::new(0.8, 0.3, -0.2));
+    }
+    floor
+}
+
 fn cases() -> Vec<Case> {
     let sun = Light::directional(DVec3::new(-0.5, -1.0, -0.3).normalize(), DVec3::splat(0.6));
     let lamp = Light::point(DVec3::new(0.3, 1.2, -1.0), DVec3::splat(0.8));
     let fill = Light::Ambient { colour: DVec3::splat(0.2) };
-    let case = |name, lights: &[Light], shading, prefilter| {
+    let in_mode = |name, mode: &str, lights: &[Light], shading, prefilter| {
         let mut scene = balls();
         scene.lights = lights.to_vec();
-        let quality = BlurMode::supersample(3).into();
+        let quality = mode.parse().unwrap();
         let options =
             RenderOptions { quality, prefilter, look: Look { shading, ..Look::default() }, ..RenderOptions::default() };
         Case { name, scene, options, in_part: false }
     };
+    let case = |name, lights: &[Light], shading, prefilter| in_mode(name, "supersample:3", lights, shading, prefilter);
+    let swept = |name, mode, shading, prefilter| in_mode(name, mode, &[fill, sun, lamp], shading, prefilter);
     let mut cases = vec![
         case("sun", &[sun], Shading::Phong, Prefilter::None),
         case("lamp", &[lamp], Shading::Phong, Prefilter::None),
@@ -59,7 +75,57 @@ fn cases() -> Vec<Case> {
         case("filtered", &[lamp, fill, sun], Shading::Phong, Prefilter::Ewa),
         case("glass", &[sun, lamp], Shading::Phong, Prefilter::None),
         case("wide", &[sun], Shading::Phong, Prefilter::None),
+        case("capture", &[fill, sun, lamp], Shading::Phong, Prefilter::None),
+        case("capture, bucket", &[fill, lamp], Shading::Phong, Prefilter::Ewa),
+        case("catcher", &[fill, sun, lamp], Shading::Phong, Prefilter::None),
+        case("deaf", &[sun, lamp], Shading::Phong, Prefilter::Ewa),
+        case("deaf surfels", &[sun, lamp], Shading::Gouraud, Prefilter::None),
+        case("sky", &[], Shading::Phong, Prefilter::None),
     ];
+    for (case, motion) in [(7, DVec3::ZERO), (8, DVec3::new(0.1, 0.0, 0.3))] {
+        cases[case].scene.objects[0] = object(capture(), DVec3::new(0.0, -0.8, -1.6));
+        cases[case].scene.objects[0].motions = vec![Motion::Linear { velocity: motion }];
+    }
+    cases[8].options.quality = "bucket:2x3".parse().unwrap();
+    cases[9].scene.objects[0].shadow_catcher = true;
+    for case in [10, 11] {
+        cases[case].scene.objects[0].receive_shadows = false;
+    }
+    // Of a sky a catcher needs the light of all directions.
+    cases[12].scene.objects[0].shadow_catcher = true;
+    cases[12].scene.environment = Some(surroundings().lighting());
+    // Light without shadows from all around is a part of all light.
+    cases[8].scene.environment = Some(surroundings());
+    cases.extend([
+        swept("swept", "volumetric:3", Shading::Phong, Prefilter::None),
+        swept("swept, filtered", "volumetric:2+kernel=ellipsoid", Shading::Gouraud, Prefilter::Ewa),
+        swept("swept, once", "volumetric:2+normalise=once", Shading::Phong, Prefilter::None),
+        swept("published", "volumetric:3+published", Shading::Phong, Prefilter::Approx),
+        swept("line", "volumetric:2+kernel=ellipsoid+kernel-weight=line", Shading::Gouraud, Prefilter::None),
+    ]);
+    let held = |name, mode, shading, blurs: [bool; 3]| {
+        let mut case = in_mode(name, mode, &[fill, sun, lamp], shading, Prefilter::None);
+        case.scene.camera.motions = vec![
+            Motion::Rotation { axis: DVec3::new(0.2, 1.0, 0.1).normalize(), per_frame: 0.1, centre: DVec3::ZERO },
+            Motion::Linear { velocity: DVec3::new(0.2, 0.1, -0.1) },
+        ];
+        case.scene.objects.iter_mut().zip(blurs).for_each(|(object, blurs)| object.blur = blurs);
+        case
+    };
+    cases.extend([
+        held("bucket", "bucket:2x3", Shading::Phong, [true; 3]),
+        held("surfels, bucket", "bucket:2x4", Shading::Gouraud, [true; 3]),
+        held("held", "supersample:2", Shading::Phong, [true, false, true]),
+        held("held, all", "supersample:2", Shading::Phong, [false; 3]),
+        held("held, surfels", "bucket:2x3", Shading::Gouraud, [false, true, false]),
+        held("held, swept", "volumetric:2", Shading::Gouraud, [true, false, true]),
+    ]);
+    // Turns by much within a bucket.
+    let turns = cases.iter_mut().find(|case| case.name == "surfels, bucket").unwrap();
+    turns.scene.objects[1].motions.insert(
+        0,
+        Motion::Rotation { axis: DVec3::new(0.3, 1.0, 0.5).normalize(), per_frame: 2.0, centre: DVec3::ZERO },
+    );
     cases[5].scene.objects[1].opacity = 0.5;
     // A disc alone, whose rim no other covers.
     cases[6].scene.objects[1] = object(disc(0.9), DVec3::new(0.3, 0.1, -1.8));
@@ -93,7 +159,14 @@ fn shadows_are_the_cpus() {
     }
 }
 
-static MUTANTS: [Mutant; 19] = [
+static MUTANTS: [Mutant; 35] = [
+    ([("raise(map + 4u, ~key_of(depth))", "raise(map + 4u, ~key_of(9.0 * depth))")], "capture"),
+    ([("taken += radiance", "taken += 0.5 * radiance")], "capture"),
+    ([("from_linear(left * to_linear(shown))", "left * shown")], "capture"),
+    ([("4.0 * light.colour.xyz", "light.colour.xyz")], "capture, bucket"),
+    ([("return 1.0 - receives * (1.0 - seen)", "return seen")], "deaf"),
+    ([("(shadows >> 1u)", "(shadows >> 2u)")], "catcher"),
+    ([("luminance(smooth_light(sky_at(), normal))", "luminance(light.colour.xyz)")], "sky"),
     ([("end < others", "end > others")], "sun"),
     ([("there, number + 1u)", "there, number)")], "sun"),
     ([("max(segment.epsilon, rounding) / cosine", "0.0 / cosine")], "sun"),
@@ -113,6 +186,15 @@ static MUTANTS: [Mutant; 19] = [
     ([("at - high * depth > radius", "at - high * depth > -9.0 * radius")], "sun"),
     ([("normal.z * towards.z > 0.0", "normal.z * towards.z > 0.3")], "both"),
     ([("(2u + DEPTH_SLICES) * (light * FACES + face)", "(2u + DEPTH_SLICES) * (light * FACES)")], "lamp"),
+    ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "swept"),
+    ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "published"),
+    ([("segment = segments[segment.middle]", "segment = segments[segment.index]")], "surfels, bucket"),
+    ([("is_before == (dot3(surfel.turned_normal", "is_before != (dot3(surfel.turned_normal")], "surfels, bucket"),
+    ([("towards = of_light.origin - surfel.place", "towards = surfel.place")], "surfels, bucket"),
+    ([("apply_linear(now, centre) + origin", "apply(now, centre)")], "surfels, bucket"),
+    ([("sums[sum_at + HELD * TILE_PIXELS] * inverse > 0.5", "false")], "held"),
+    ([("if !is_held { return place; }", "if is_held { return place; }")], "held, all"),
+    ([("values[next] = segment.normal[2].w", "values[next] = 0.0")], "held"),
 ];
 
 #[test]

@@ -38,6 +38,7 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
     for (object, posed) in frame.objects.iter().zip(&sample.objects) {
         let Some((gaussians, drawing)) = object.drawn() else { continue };
         let view = GaussianView {
+            shaded: None,
             object,
             drawing,
             sample,

@@ -109,6 +109,8 @@ fn scene_object(o: &Object) -> Value {
         ("path", json!(o.source.path.to_string_lossy())),
         ("radius_scale", json!(o.source.options.radius_scale)),
         ("blur", json!(o.blur)),
+        ("receive_shadows", json!(o.receive_shadows)),
+        ("shadow_catcher", json!(o.shadow_catcher)),
         ("epsilon", o.epsilon.map_or_else(|| json!("tolerance"), |e| json!(e))),
         ("detail", json!(o.detail.word())),
         ("transform", trs(&o.transform)),

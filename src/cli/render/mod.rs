@@ -23,7 +23,7 @@ use splatblur::movie::{Movie, MovieKind, MovieShape, Rate};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::plan::LAYERS;
 use splatblur::renderer::{FrameQueue, Renderer};
-use splatblur::scene::{Scene, Studio};
+use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
 use self::blur::Blur;
@@ -40,7 +40,6 @@ use super::common::{
 use super::frames::FrameList;
 use super::output::{print, print_json, say};
 use super::progress;
-use super::studio::make_possible;
 use super::values;
 use super::words::with_flags;
 
@@ -140,7 +139,9 @@ impl Render {
         let mut renderer = Renderer::open(self.place.device()?)?;
         let Ready { scene, mut notes, frames, format, display, studio } =
             Ready::new(&self.images, self.movie.is_some(), &self.overrides, &self.running, &pool)?;
-        self.suit_studio(studio, &mut renderer, &scene, &mut options, &mut notes)?;
+        if studio.is_some_and(|studio| studio.ground) && options.look.shadows {
+            self.blur.spare(&mut options.quality);
+        }
         let load_seconds = start.elapsed().as_secs_f64();
         let backend_name = renderer.backend_name();
         if self.images.json {
@@ -238,25 +239,6 @@ impl Render {
             say(&format!("{kind}: {line}"));
         }
         notes.push(line);
-    }
-
-    /// Lets the picture of a model in a studio be made, and spares its samples.
-    fn suit_studio(
-        &self,
-        studio: Option<Studio>,
-        renderer: &mut Renderer,
-        scene: &Scene,
-        options: &mut RenderOptions,
-        notes: &mut Vec<String>,
-    ) -> anyhow::Result<()> {
-        let Some(studio) = studio else { return Ok(()) };
-        if studio.ground && options.look.shadows {
-            self.blur.spare(&mut options.quality);
-        }
-        if let Some(note) = make_possible(renderer, &self.place.device()?, scene, options)? {
-            self.tell("note", note, notes);
-        }
-        Ok(())
     }
 
     /// Begins the movie, if there is to be one, and notes what it cannot hold.

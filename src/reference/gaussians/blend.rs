@@ -35,6 +35,14 @@ impl Blend {
         if linear { self.of_light(colour) } else { colour }
     }
 
+    /// A colour in the numbers of the blending, of which the shares `left` of the light are left.
+    pub(super) fn scaled(&self, colour: DVec3, left: DVec3) -> DVec3 {
+        match self.space {
+            Blending::Coded => (colour.map(srgb::linear) * left).map(srgb::encoded),
+            Blending::Linear => colour * left,
+        }
+    }
+
     /// Premultiplied linear light of a finished ray: what `sum`, composited in the image's blending with the coverage
     /// `alpha`, adds to (1 - alpha) background.
     ///

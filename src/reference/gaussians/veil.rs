@@ -7,7 +7,7 @@
 //! else than that ray, and memory does not grow with what is hidden. A volume is marched through between all that, so
 //! where there is one all hits wait for the end.
 
-use glam::{DMat4, DVec3};
+use glam::{DAffine3, DMat4, DVec3};
 
 use super::beam::{Beam, BeamRay};
 use super::colour::colour;
@@ -19,6 +19,8 @@ use crate::math::norm;
 use crate::reference::composite::{Composite, OPAQUE};
 use crate::reference::layers::{RayLayer, Surfaces};
 use crate::reference::posed::{CameraPose, World};
+use crate::reference::sampler::LightNumbers;
+use crate::reference::shadows::Shadows;
 use crate::reference::trace::{SamplePoint, Seen};
 use crate::reference::volumes::march::March;
 use crate::scene::pose::object_velocity;
@@ -64,6 +66,9 @@ pub(in crate::reference) struct Veil<'w, 'a> {
     stack: Vec<(u32, u32)>,
     batch: GaussianBatch,
     seen: SeenBatch,
+    /// What keeps light from captures, and the ray that it is at; `None` where there are no shadows.
+    shadows: Option<Shadows<'w, 'a>>,
+    shaded_ray: Option<usize>,
     /// Volumes; `None` where there are none.
     march: Option<March<'w, 'a>>,
     /// What was composited, in its order, if that is wanted.
@@ -74,6 +79,8 @@ pub(in crate::reference) struct Veil<'w, 'a> {
 #[derive(Clone, Debug, Default)]
 struct Ray {
     time: f64,
+    /// What its points on lights follow from.
+    lights: LightNumbers,
     /// Centres behind this depth are hidden by opaque surfaces.
     limit: f64,
     live: bool,
@@ -89,6 +96,7 @@ struct Ray {
 struct CaptureView {
     sight: Sight,
     place: ModelPlace,
+    world_from_model: DAffine3,
     near: f64,
     beam: BeamRay,
     /// Change of the model's place relative to the camera, per shutter; made when it is asked for.
@@ -122,6 +130,8 @@ impl<'w, 'a> Veil<'w, 'a> {
             stack: Vec::new(),
             batch: GaussianBatch::default(),
             seen: SeenBatch::default(),
+            shadows: Shadows::new(world),
+            shaded_ray: None,
             march: (!world.volumes.is_empty()).then(|| March::new(world)),
             taken: None,
         }
@@ -144,15 +154,20 @@ impl<'w, 'a> Veil<'w, 'a> {
             first = end;
         }
         self.list = batches;
-        let end = |opaque: &Option<Seen>| opaque.map_or(f64::INFINITY, |opaque| opaque.depth);
+        // What a shadow catcher shows tells no depth where it shows nothing.
+        let end = |(opaque, &limit): (&Option<Seen>, &f64)| match opaque {
+            Some(opaque) if opaque.coverage < 1.0 => limit,
+            Some(opaque) => opaque.depth,
+            None => f64::INFINITY,
+        };
         if let Some(march) = &mut self.march {
-            march.begin(points, surfaces.opaque.iter().map(end));
+            march.begin(points, surfaces.opaque.iter().zip(&surfaces.limits).map(end));
         }
         for ray in 0..self.rays.len() {
             // The limit of the last layers may be greater than that of the opaque surface: they wait for this.
             let opaque = surfaces.opaque[ray];
             if let Some(march) = &mut self.march {
-                march.begin_ray(ray, end(&opaque));
+                march.begin_ray(ray, end((&opaque, &surfaces.limits[ray])));
             }
             self.settle(ray, f64::INFINITY, surfaces.layers(ray), true);
             let sum = &mut self.rays[ray].sum;
@@ -167,10 +182,12 @@ impl<'w, 'a> Veil<'w, 'a> {
         let world = self.world;
         self.rays.resize_with(points.len(), Ray::default);
         self.views.clear();
-        for (ray, (&SamplePoint { film, time, .. }, &limit)) in self.rays.iter_mut().zip(points.iter().zip(limits)) {
+        self.shaded_ray = None;
+        for (ray, (&SamplePoint { film, time, lights }, &limit)) in self.rays.iter_mut().zip(points.iter().zip(limits))
+        {
             let mut waiting = std::mem::take(&mut ray.waiting);
             waiting.clear();
-            *ray = Ray { time, limit, live: true, waiting, ..Ray::default() };
+            *ray = Ray { time, lights, limit, live: true, waiting, ..Ray::default() };
             let camera = world.camera(time);
             self.views.extend(world.captures.iter().map(|capture| {
                 let body = &world.bodies[capture.body];
@@ -294,6 +311,7 @@ impl<'w, 'a> Veil<'w, 'a> {
         let capture = &world.captures[hit.capture as usize];
         let body = &world.bodies[capture.body];
         let (gaussians, options) = (capture.gaussians, &body.drawing);
+        let ray_number = number;
         let at = number * world.captures.len() + hit.capture as usize;
         let (ray, Some(view)) = (&mut self.rays[number], &mut self.views[at]) else { return };
         let transmittance = ray.sum.transmittance;
@@ -303,7 +321,19 @@ impl<'w, 'a> Veil<'w, 'a> {
             let (capture, index) = (number as usize, index as usize);
             taken.push(Taken { capture, index, depth, alpha, transmittance, colour: own });
         }
-        let mut part = Seen { colour: world.blend.of_capture(own, gaussians.linear), depth, ..Seen::NOTHING };
+        let mut shown = world.blend.of_capture(own, gaussians.linear);
+        let receives = body.object.receive_shadows && options.flat.is_none() && !world.is_held(body);
+        if let Some(shadows) = self.shadows.as_mut().filter(|_| receives) {
+            let eye = world.camera(ray.time).eye;
+            if self.shaded_ray.replace(ray_number) != Some(ray_number) {
+                shadows.begin(eye, ray.time, ray.lights);
+            }
+            let place = view.world_from_model.transform_point3(gaussians.position[index as usize].as_dvec3());
+            if let Some(left) = shadows.light_left(place, eye) {
+                shown = world.blend.scaled(shown, left);
+            }
+        }
+        let mut part = Seen { colour: shown, depth, ..Seen::NOTHING };
         if body.object.blur && world.options.look.aovs.contains(&Aov::Velocity) {
             let rate = *view.rate.get_or_insert_with(|| object_velocity(world.scene, body.object, ray.time));
             let centre = gaussians.position[hit.index as usize].as_dvec3();
@@ -343,6 +373,6 @@ impl CaptureView {
             growth: slant * norm(&linear) * back,
             slope: (reach * sight.dilation).sqrt() * back,
         };
-        Some(Self { sight, place, near, beam, rate: None })
+        Some(Self { sight, place, world_from_model: pose.world_from_model, near, beam, rate: None })
     }
 }

@@ -73,7 +73,6 @@ impl Filming {
         self.look.frame = FrameNumber::from(self.next);
         let scene = self.look.scene(&self.known, self.look.size);
         let options = self.look.options(self.quality, studio.memory());
-        let options = studio.possible(&self.known, &scene, options);
         let (rendered, _) = studio.render(&scene, &self.look, &options)?;
         let display = self.known.loaded.display();
         let picture = display.shown(rendered.picture, Bits::Eight, scene.image.transparent);

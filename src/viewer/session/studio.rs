@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::super::shared::{Known, Shared};
+use super::super::shared::Shared;
 use super::super::view::PageLook;
 use crate::backend::{BackendError, Rendered};
 use crate::film::Picture;
@@ -69,17 +69,6 @@ impl<'a> Studio<'a> {
     /// Bytes that a frame and the models may take: all pages have equal shares.
     pub(super) fn memory(&self) -> u64 {
         self.shared.setup.memory[usize::from(self.name() == "gpu")] / self.shared.pages().max(1) as u64
-    }
-
-    /// The options without shadows where the model stands in a studio whose shadow cannot be drawn: a look at a model
-    /// is not refused for that.
-    pub(super) fn possible(&self, known: &Known, scene: &Scene, mut options: RenderOptions) -> RenderOptions {
-        if known.loaded.studio.is_some()
-            && let Some((_, renderer)) = &self.renderer
-        {
-            options.look.shadows &= renderer.draws_shadows(scene, &options);
-        }
-        options
     }
 
     /// Renders on the open device; the picture, its statistics and the time.

@@ -284,7 +284,6 @@ impl<'a> Worker<'a> {
         let size = if whole { view.look.size } else { level.size(view.look.size) };
         let scene = view.look.scene(known, size);
         let options = view.look.quick(&scene, view.quality, level.samples, self.studio.memory());
-        let options = self.studio.possible(known, &scene, options);
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let mut header = header(view, &scene, "both", self.studio.describe(), time);
         header.mode = options.quality.to_string();
@@ -299,7 +298,6 @@ impl<'a> Worker<'a> {
         self.open(&view.look.device)?;
         let scene = view.look.scene(known, view.look.size);
         let options = view.look.options(view.quality, self.studio.memory());
-        let options = self.studio.possible(known, &scene, options);
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let side = if view.other.is_some() { "first" } else { "both" };
         let mut header = header(view, &scene, side, self.studio.describe(), time);
@@ -321,7 +319,6 @@ impl<'a> Worker<'a> {
         self.open(&view.look.device)?;
         let scene = view.look.scene(known, view.look.size);
         let options = view.look.options(quality, self.studio.memory());
-        let options = self.studio.possible(known, &scene, options);
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
         let mut header = header(view, &scene, "second", self.studio.describe(), time);
         header.finished = true;

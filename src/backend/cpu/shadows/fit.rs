@@ -4,10 +4,11 @@ use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::cells::{Cells, Ground};
+use super::centres::Centres;
 use super::run::Run;
 use super::view::LightView;
 use crate::backend::cpu::tiles::LANES;
-use crate::frame::{Frame, PosedSample, Raster};
+use crate::frame::{Blocks, Frame, PosedSample, Raster};
 
 /// Slices of the depth before the camera. Two end at twice the depth at which they begin.
 pub(in crate::backend) const SLICES: usize = 80;
@@ -18,6 +19,8 @@ pub(in crate::backend) const MOST_SIDE: f64 = 65_000.0;
 /// Times that texels grow until all fit, and the factor.
 pub(in crate::backend) const MOST_TRIES: usize = 100;
 pub(in crate::backend) const GROWTH: f64 = 1.02;
+/// Pixels around the image in which surfels receive shadows, because filters and offsets reach there.
+const MARGIN: f32 = 2.0;
 /// What pixels show of a surfel reaches beyond it: factor on how much farther behind the ground its edge is.
 const SLACK: f32 = 1.5;
 
@@ -99,9 +102,10 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// What they show of all surfels that the camera may see.
+    /// What they show of all surfels that the camera may see, and of the centres of Gaussians.
     pub(super) fn of(
         runs: &[Run<'_>],
+        centres: &[Centres<'_>],
         views: &[LightView],
         sample: &PosedSample,
         raster: &Raster,
@@ -110,13 +114,15 @@ impl Fit {
         let nothing = || vec![NOTHING; views.len() * SLICES];
         let camera = sample.world_from_camera.transpose();
         let size = raster.size.map(|pixels| pixels as f32);
-        let ends = slopes(raster);
+        let margin = margin(frame, raster);
+        let ends = slopes(raster, margin);
         let lengths = ends.map(|ends| ends.map(|slope: f32| (1.0 + slope * slope).sqrt()));
-        let slices: Vec<Slice> =
-            views.iter().flat_map(|view| Slice::all(view, raster, frame.near, sample.world_from_camera)).collect();
+        let slices = |view| Slice::all(view, (raster, margin), frame.near, sample.world_from_camera);
+        let slices: Vec<Slice> = views.iter().flat_map(slices).collect();
         // Where blocks alone are rendered, what they show.
+        let wanted = wanted(frame);
         let is_wanted = |at: [f32; 2], depth: f32, radius: f32| {
-            let Some(blocks) = &frame.wanted else { return true };
+            let Some(blocks) = wanted else { return true };
             if depth - radius < frame.near {
                 return true;
             }
@@ -141,11 +147,33 @@ impl Fit {
             let reaches = (depth + radius).is_finite() && depth + radius >= frame.near;
             reaches && !outside(0) && !outside(1) && is_wanted(at, depth, radius)
         };
-        let cells: Vec<_> = slices.iter().map(|slice| Cells::new(slice.bounds)).collect();
+        let depth = |place: Vec3| -(camera * place).z;
+        // The centres of Gaussians that are seen ask maps, although they may lie beside the image: (view and slice,
+        // their place in the view, depth).
+        let asks = |centre: Vec3, radius: f32, ask: &mut dyn FnMut(usize, Vec3, f32)| {
+            let depth = depth(centre);
+            if depth >= frame.near && sees(centre, radius) {
+                for (number, view) in views.iter().enumerate() {
+                    ask(number * SLICES + slice_of(depth, frame.near), view.place(centre), depth);
+                }
+            }
+        };
+        let of_centres = |mut seen: Vec<Seen>, centres: &Centres<'_>| {
+            centres.each().for_each(|(centre, radius)| {
+                asks(centre, radius, &mut |at, place, nearest| {
+                    if let Some(bounds) = on_view(&views[at / SLICES], place, 0.0) {
+                        seen[at] = seen[at].and(Seen { bounds, nearest, farthest: place.z });
+                    }
+                });
+            });
+            seen
+        };
+        let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
+        let centres_seen: Vec<Seen> = centres.par_iter().fold(nothing, of_centres).reduce(nothing, join);
+        let cells: Vec<_> = slices.iter().zip(&centres_seen).map(|(slice, seen)| slice.cells_with(seen)).collect();
         // One surfel that is far away makes a run too large for numbers.
         let may_see = |run: &&Run<'_>| !run.reach.is_finite() || sees(run.middle, run.reach);
         let seen_runs: Vec<_> = runs.iter().filter(may_see).collect();
-        let depth = |place: Vec3| -(camera * place).z;
         let weight = |run: &Run<'_>| (run.reach / depth(run.middle).max(frame.near)).powi(2);
         let weights: Vec<_> = seen_runs.iter().map(|run| (*run, weight(run))).collect();
         let plane = Ground::vote(&weights);
@@ -178,8 +206,14 @@ impl Fit {
             }
             seen
         };
-        let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
-        let seen = seen_runs.par_iter().fold(nothing, of_run).reduce(nothing, join);
+        centres.par_iter().flat_map_iter(Centres::each).for_each(|(centre, radius)| {
+            asks(centre, radius, &mut |at, place, _| {
+                if let Some(bounds) = on_view(&views[at / SLICES], place, 0.0) {
+                    cells[at].receive(bounds, grounds[at / SLICES].behind(place, 0.0, 0.0)[1]);
+                }
+            });
+        });
+        let seen = join(seen_runs.par_iter().fold(nothing, of_run).reduce(nothing, join), centres_seen);
         Self { seen, cells, grounds, is_point: views.iter().any(|view| view.is_point) }
     }
 
@@ -227,10 +261,25 @@ impl Fit {
     }
 }
 
-/// Slopes of the sides of the image, by which two pixels around it are seen, too.
-fn slopes(raster: &Raster) -> [[f32; 2]; 2] {
+/// Pixels around the image in which surfels receive shadows, too. Where the samples of a group shade their own surfels,
+/// what one of them sees may be beside the image of the middle one, and so may held objects: by half the image, which
+/// is more than most cameras move in an exposure.
+pub(in crate::backend) fn margin(frame: &Frame, raster: &Raster) -> f32 {
+    let [width, height] = raster.size;
+    let beside = frame.shades_samples() || frame.holds() != Some(false);
+    if beside { (0.5 * width.max(height) as f32).max(MARGIN) } else { MARGIN }
+}
+
+/// The blocks that are rendered, whose receivers alone count; `None`: all. Held objects are shown elsewhere than they
+/// are, and intervals render all.
+pub(in crate::backend) fn wanted(frame: &Frame) -> Option<&Blocks> {
+    frame.wanted.as_ref().filter(|_| frame.swept.is_none() && frame.holds() == Some(false))
+}
+
+/// Slopes of the sides of the image, by which `margin` pixels around it are seen, too.
+fn slopes(raster: &Raster, margin: f32) -> [[f32; 2]; 2] {
     let slope = |c: usize, pixel: f32| (pixel - raster.axis[c]) / raster.focal;
-    [0, 1].map(|c: usize| [slope(c, -2.0), slope(c, raster.size[c] as f32 + 2.0)])
+    [0, 1].map(|c: usize| [slope(c, -margin), slope(c, raster.size[c] as f32 + margin)])
 }
 
 /// What a view of a light shows of the part of space that a slice is. A large surfel is seen in part: what a slice
@@ -245,9 +294,14 @@ pub(in crate::backend) struct Slice {
 }
 
 impl Slice {
-    /// All slices in a view, from the depth `near`.
-    pub(in crate::backend) fn all(view: &LightView, raster: &Raster, near: f32, world_from_camera: Mat3) -> Vec<Self> {
-        let ends = slopes(raster);
+    /// All slices in a view, from the depth `near`, of what a raster shows with a margin around it.
+    pub(in crate::backend) fn all(
+        view: &LightView,
+        (raster, margin): (&Raster, f32),
+        near: f32,
+        world_from_camera: Mat3,
+    ) -> Vec<Self> {
+        let ends = slopes(raster, margin);
         let slice = |slice: usize| {
             let start = (0.5 * slice as f32).exp2();
             let depths = [start, start * std::f32::consts::SQRT_2].map(|start| start * near);
@@ -281,6 +335,12 @@ impl Slice {
             [least - margin, most + margin]
         });
         Self { bounds, farthest, start }
+    }
+
+    /// Cells of all that it shows, and of what is seen of the centres of Gaussians, too.
+    fn cells_with(&self, seen: &Seen) -> Cells {
+        let own = Seen { bounds: self.bounds, ..NOTHING };
+        Cells::new(own.and(*seen).bounds)
     }
 
     /// What it shows of something with these bounds; `None` where that is beside it.

@@ -9,8 +9,10 @@
 //! edges of shadows converge with the samples, without a filter.
 
 mod cells;
+mod centres;
 pub(in crate::backend) mod fit;
 pub(in crate::backend) mod map;
+mod moved;
 mod run;
 pub(in crate::backend) mod view;
 
@@ -18,8 +20,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use self::centres::Centres;
 use self::fit::{Fit, SLICES, slice_of, with_borders};
 use self::map::{Caster, Onto, ShadowMap};
+pub(in crate::backend) use self::moved::Moved;
 use self::run::Run;
 use self::view::LightView;
 use super::tiles::{LANES, Lanes};
@@ -45,6 +49,8 @@ pub(in crate::backend) struct Shadows {
     /// One for each light; `None` without shadows.
     lights: Vec<Option<LightMaps>>,
     near: f32,
+    /// Towards the camera from what it sees.
+    back: Vec3,
     /// Memory of maps that are gone.
     spare: Vec<ShadowMap>,
 }
@@ -83,16 +89,23 @@ impl Shadows {
     ) {
         self.clear();
         self.near = frame.near;
+        self.back = sample.world_from_camera.z_axis;
         let runs = Run::all(frame, sample, clusters);
+        if runs.is_empty() {
+            self.lights.extend(sample.lights.iter().map(|_| None));
+            return;
+        }
+        let centres = Centres::all(frame, sample);
         let right = sample.world_from_camera.x_axis;
-        let extent = runs.iter().map(|run| run.middle.length() + run.reach);
-        let extent = extent.filter(|length| length.is_finite()).fold(frame.near, f32::max);
+        let lengths = runs.iter().map(|run| run.middle.length() + run.reach);
+        let lengths = lengths.chain(centres.iter().map(Centres::extent));
+        let extent = lengths.filter(|length| length.is_finite()).fold(frame.near, f32::max);
         for (number, light) in (0..).zip(&sample.lights) {
             let Some(views) = LightView::of(light, right, extent) else {
                 self.lights.push(None);
                 continue;
             };
-            let fit = Fit::of(&runs, &views, sample, raster, frame);
+            let fit = Fit::of(&runs, &centres, &views, sample, raster, frame);
             let jitter = jitter(sample, number);
             let areas = fit.areas(raster.focal * frame.stride as f32, most_texels(frame), jitter);
             let mut maps = Vec::with_capacity(areas.len());
@@ -109,6 +122,15 @@ impl Shadows {
         }
     }
 
+    /// Does the light with this number reach `place`, relative to the eye in world axes, which lies at `depth` before
+    /// the camera?
+    pub(in crate::backend) fn reaches(&self, number: usize, place: Vec3, depth: f32) -> bool {
+        let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return true };
+        let view = LightView::facing(views, place);
+        let map = &maps[view * SLICES + slice_of(depth, self.near)];
+        map.lights(views[view].on_plane(place), place, views[0].is_point)
+    }
+
     /// Empties it; its memory stays.
     fn clear(&mut self) {
         let maps = self.lights.drain(..).flatten().flat_map(|light| light.maps);
@@ -117,15 +139,34 @@ impl Shadows {
         self.spare.reverse();
     }
 
-    /// The shares of light `light`, which has this number, that reach `LANES` places: 0 or 1 each. `place`: relative to
-    /// the eye, world axes. `depth`: those before the camera. What faces away from the light needs no map: it is dark.
+    /// The depths before the camera of `LANES` places.
+    #[inline(always)]
+    pub(in crate::backend) fn depth(&self, place: &[Lanes; 3]) -> Lanes {
+        let axis = self.back;
+        let mut depth = [0.0; LANES];
+        for l in 0..LANES {
+            depth[l] = -(axis.x * place[0][l] + axis.y * place[1][l] + axis.z * place[2][l]);
+        }
+        depth
+    }
+
+    /// Where the shadows of light `number` are asked for what moves within the group.
+    #[inline(always)]
+    pub(in crate::backend) fn asked(&self, number: usize, moved: &Moved) -> [Lanes; 3] {
+        let Some(Some(LightMaps { views, .. })) = self.lights.get(number) else { return moved.place };
+        moved.asked(&views[0])
+    }
+
+    /// The shares of light `light`, which has this number, that reach `LANES` surfaces with these normals and places: 0
+    /// or 1 each. Places are relative to the eye, world axes. What faces away from the light needs no map: it is dark.
+    /// `asked`: where the map is asked, at these depths before the camera.
     #[inline(always)]
     pub(in crate::backend) fn seen(
         &self,
         number: usize,
         light: &ShadingLight,
-        normal: &[Lanes; 3],
-        place: &[Lanes; 3],
+        [normal, place]: [&[Lanes; 3]; 2],
+        asked: &[Lanes; 3],
         depth: &Lanes,
     ) -> Lanes {
         let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return [1.0; LANES] };
@@ -147,13 +188,13 @@ impl Shadows {
         }
         let slices = depth.map(|depth| slice_of(depth, self.near));
         // Rays that are parallel have one view.
-        let on_plane = views[0].lanes_on_plane(place);
+        let on_plane = views[0].lanes_on_plane(asked);
         let mut seen = [0.0; LANES];
         for l in 0..LANES {
             if cosine[l] <= 0.0 {
                 continue;
             }
-            let at = Vec3::new(place[0][l], place[1][l], place[2][l]);
+            let at = Vec3::new(asked[0][l], asked[1][l], asked[2][l]);
             let view = LightView::facing(views, at);
             let map = &maps[view * SLICES + slices[l]];
             let of_first = on_plane.map(|lanes| lanes[l]);

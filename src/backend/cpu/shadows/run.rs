@@ -20,6 +20,8 @@ const SPREAD_OF_FLAT: f32 = 0.02;
 /// Some surfels of an opaque object at a time sample.
 pub(super) struct Run<'a> {
     pub object: &'a PosedObject,
+    /// The origin of its model relative to the eye, world axes.
+    origin: Vec3,
     surfels: &'a Surfels,
     paths: Paths<'a>,
     /// Number of the first one, and how many there are.
@@ -42,7 +44,8 @@ impl<'a> Run<'a> {
     pub(super) fn all(frame: &'a Frame, sample: &'a PosedSample, clusters: &[Arc<Clusters>]) -> Vec<Self> {
         let of = |is_static| frame.visible_surfels(sample, is_static, false);
         let runs = of(true).chain(of(false)).flat_map(|(index, model)| {
-            let (posed, paths, clusters) = (&sample.objects[index], model.paths(), clusters.get(index));
+            let posed = (&sample.objects[index], frame.place_of(index, sample));
+            let (paths, clusters) = (model.paths(), clusters.get(index));
             (0..model.surfels().len()).step_by(RUN).map(move |first| {
                 let known = clusters.filter(|_| paths.is_empty()).and_then(|clusters| clusters.get(first / RUN));
                 (posed, model.surfels(), paths, first, known)
@@ -57,7 +60,7 @@ impl<'a> Run<'a> {
     }
 
     fn of(
-        posed: &'a PosedObject,
+        (posed, origin): (&'a PosedObject, Vec3),
         surfels: &'a Surfels,
         paths: Paths<'a>,
         first: usize,
@@ -76,11 +79,12 @@ impl<'a> Run<'a> {
         let normal = if cluster.spread < SPREAD_OF_FLAT { posed.normal_matrix * cluster.axis } else { Vec3::ZERO };
         Self {
             object: posed,
+            origin,
             surfels,
             paths,
             first,
             len: range.len(),
-            middle: linear * (0.5 * (low + high)) + posed.world_origin,
+            middle: linear * (0.5 * (low + high)) + origin,
             half,
             reach: half.length(),
             stretch: stretch.sqrt(),
@@ -96,7 +100,7 @@ impl<'a> Run<'a> {
 
     /// Centre `i`, relative to the eye, world axes.
     pub(super) fn centre(&self, i: usize) -> Vec3 {
-        self.object.world_from_model * self.in_model(i) + self.object.world_origin
+        self.object.world_from_model * self.in_model(i) + self.origin
     }
 
     /// Axes of surfel `i` in the model.
@@ -112,8 +116,8 @@ impl<'a> Run<'a> {
 
     /// The surfels as `view` shows them.
     pub(super) fn seen_by<'b>(&'b self, view: &LightView) -> SeenRun<'b> {
-        let object = self.object;
-        SeenRun { run: self, from_model: view.turn(object.world_from_model), origin: view.place(object.world_origin) }
+        let from_model = view.turn(self.object.world_from_model);
+        SeenRun { run: self, from_model, origin: view.place(self.origin) }
     }
 }
 

@@ -96,6 +96,11 @@ impl LightView {
         self.axes.abs() * half
     }
 
+    /// The direction from a place to the light, of any length.
+    pub(super) fn towards_light(&self, place: Vec3) -> Vec3 {
+        if self.is_point { self.origin - place } else { -self.axes.row(2) }
+    }
+
     /// A place in the view's axes.
     pub(super) fn place(&self, p: Vec3) -> Vec3 {
         self.axes * (p - self.origin)

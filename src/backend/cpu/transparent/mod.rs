@@ -28,7 +28,7 @@ pub(in crate::backend) use self::see_through::SeeThroughGroup;
 use self::see_through::cover::PeelBuffers;
 use self::slabs::{Slab, retain, slabs};
 use self::sorted::{CHUNK, Listed, Lists, Order, Walk, lists};
-use self::view::GaussianView;
+use self::view::{GaussianView, Shaded};
 use super::resolve::TileFilm;
 use super::scope::Scope;
 use super::tiles::TileRect;
@@ -115,7 +115,9 @@ fn runs<'a>(scope: &Scope<'a>, fixed: bool) -> Vec<Run<'a>> {
         let Some((model, drawing)) = of_frame.drawn() else { continue };
         let len = model.len();
         let visible = scope.group.samples.iter().any(|sample| sample.objects[object].visible);
-        if visible && of_frame.is_static == fixed {
+        // Each sample has shadows of its own.
+        let rests = of_frame.is_static && !(scope.shadows.is_some() && of_frame.receives);
+        if visible && rests == fixed {
             let ranges = (0..len).step_by(CHUNK).map(|from| from..(from + CHUNK).min(len));
             runs.extend(ranges.map(|gaussians| Run { object, model, drawing, gaussians, first }));
         }
@@ -242,8 +244,11 @@ impl TransparentGroup<'_> {
         let object = &frame.objects[run.object];
         let offsets = if object.is_static { self.offsets } else { [scope.raster.offset; 2] };
         let posed = &scope.group.samples[sample].objects[run.object];
+        let middle = &scope.group.samples[scope.group.samples.len() / 2];
+        let shaded = scope.shadows.filter(|_| object.receives);
         let view = GaussianView {
             object,
+            shaded: shaded.map(|shadows| Shaded { shadows, sample: middle, posed: &middle.objects[run.object] }),
             drawing: run.drawing,
             sample: &scope.group.samples[sample],
             posed,

@@ -1,5 +1,6 @@
 //! What the Gaussians of one object are seen with, at one sample.
 
+use crate::backend::cpu::shadows::Shadows;
 use crate::film::Blending;
 use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, PosedSample, Raster};
 use crate::scene::Drawing;
@@ -8,6 +9,8 @@ use crate::scene::Drawing;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct GaussianView<'a> {
     pub object: &'a FrameObject,
+    /// `None`: no shadows fall on it.
+    pub shaded: Option<Shaded<'a>>,
     pub drawing: Drawing,
     pub sample: &'a PosedSample,
     pub posed: &'a PosedObject,
@@ -36,4 +39,12 @@ pub(in crate::backend) struct GaussianView<'a> {
     pub first: u32,
     /// Leave nothing out, so that splat `i` is Gaussian `i` of the range.
     pub all: bool,
+}
+
+/// The shadows that fall on an object: those of the middle of its group, where it is then.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::backend) struct Shaded<'a> {
+    pub shadows: &'a Shadows,
+    pub sample: &'a PosedSample,
+    pub posed: &'a PosedObject,
 }

@@ -111,7 +111,8 @@ fn shared() -> Vec<(&'static str, Layout)> {
             turn,
             pace,
             columns,
-            view
+            view,
+            middle
         }),
         layout!(Light { vector, colour }),
         layout!(Status {
