@@ -1,7 +1,7 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
-//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [kind=plain|hard|lit|captures]
-//! [list=yes] [truth=reference] [detail=full]`
+//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [list=yes]
+//! [kind=plain|hard|lit|captures] [truth=reference] [detail=full]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
 //! share of scenes without a block beyond 1.1 E, and the samples of a pixel. The truth is supersampling with 768

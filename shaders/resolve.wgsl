@@ -105,7 +105,7 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, of_laye
     }
 }
 
-// Of a mean colour the part that shadow catchers have none of: those are white, with the share `caught`.
+// The part of a mean colour that shadow catchers have none of: those are white, with the share `caught`.
 fn without_white(colour: vec3<f32>, caught: f32) -> vec3<f32> {
     let rest = 1.0 - caught;
     let own = max((colour - caught) / rest, vec3<f32>(0.0));

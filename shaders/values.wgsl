@@ -49,7 +49,7 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
     let shadows = u32(segment.normal[2].w);
-    // What is seen of a shadow catcher is how much light falls on white.
+    // A shadow catcher shows how much light falls on white.
     if (shadows & 2u) != 0u { colour = vec3<f32>(1.0); }
     var material = segment.material;
     if (segment.flags & 2u) != 0u {

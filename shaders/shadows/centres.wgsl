@@ -12,7 +12,7 @@
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 
 // Standard deviations beyond which nothing is seen of a Gaussian.
-const REACH: f32 = 4.5;
+const REACH_OF_CENTRE: f32 = 4.5;
 
 @compute @workgroup_size(256)
 fn shadow_centres(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -30,7 +30,7 @@ fn shadow_centres(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let y = segment.world[1].xyz;
     let z = segment.world[2].xyz;
     let sigma = max(max(geometry[sigma_at], geometry[sigma_at + 1u]), geometry[sigma_at + 2u]);
-    let radius = REACH * sqrt(dot3(x, x) + dot3(y, y) + dot3(z, z)) * sigma;
+    let radius = REACH_OF_CENTRE * sqrt(dot3(x, x) + dot3(y, y) + dot3(z, z)) * sigma;
     let at = vec2<f32>(dot3(view.camera[0].xyz, centre), -dot3(view.camera[1].xyz, centre));
     let depth = depth_of(centre);
     if !(depth >= view.near) || !sees(at, depth, radius) || !wants(at, depth, radius) { return; }

@@ -61,9 +61,9 @@ pub enum BackendError {
     Catcher {
         /// Name of the object.
         object: String,
-        /// What is wrong with it.
+        /// The reason why it is none.
         why: &'static str,
-        /// What may be one, or shows some.
+        /// A thing that may be one, or a mode that shows some.
         instead: &'static str,
     },
     /// Captures are composited over a background that is known at each instant.

@@ -17,7 +17,7 @@ use crate::options::Shading;
 use crate::shading::{ShadingLight, agreement, luminance, smooth_light, towards_point};
 
 /// Share of a pixel beside shadow catchers below which rounding is all that there is.
-const ALL_CAUGHT: f32 = 1e-5;
+pub(in crate::backend) const ALL_CAUGHT: f32 = 1e-5;
 
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
 #[derive(Clone, Debug, Default)]
@@ -287,7 +287,7 @@ impl SeenSurface<'_> {
     }
 }
 
-/// Of mean colours the part that shadow catchers have none of: those are white in the mean, with shares `caught`.
+/// The part of mean colours that shadow catchers have none of: those are white in the mean, with shares `caught`.
 #[inline(never)]
 fn without_white(colour: &mut [Lanes; 3], caught: &Lanes) {
     for colour in colour {
@@ -299,7 +299,7 @@ fn without_white(colour: &mut [Lanes; 3], caught: &Lanes) {
     }
 }
 
-/// What a pixel shows of shadow catchers, which have the share `caught` of it: of their white nothing but the light that
+/// Shows of shadow catchers, which have the share `caught` of a pixel, nothing of their white but the light that
 /// shadows take away, as alpha (docs/math.md, eq. 55). `colour`, lit, is that of the rest; it is changed to the mean
 /// over what is counted. Returns the share of the pixel that counts, given that it is covered for `share`.
 #[inline(never)]

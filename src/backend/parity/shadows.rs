@@ -180,7 +180,7 @@ static MUTANTS: [Mutant; 35] = [
     ([("lights[slice_at(light, face, slice)]", "lights[slice_at(light, face, 0u)]")], "sun"),
     ([("(view.number * SHADOW_LIGHTS + light) * view.casters", "light * view.casters")], "sun"),
     ([("(view.number * SHADOW_LIGHTS + light) * (FACES", "light * (FACES")], "sun"),
-    ([("u32(light.colour.w) - 1u, place", "0u, place")], "both"),
+    ([("u32(light.colour.w) - 1u, in_world", "0u, in_world")], "both"),
     ([("(number % LIGHTS_OF_MASK)) & 1u", "((number + 1u) % LIGHTS_OF_MASK)) & 1u")], "surfels"),
     ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "surfels"),
     ([("at - high * depth > radius", "at - high * depth > -9.0 * radius")], "sun"),

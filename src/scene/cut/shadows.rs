@@ -30,7 +30,7 @@ pub(super) struct Lamps {
 }
 
 impl Lamps {
-    /// Those of a scene at the exposure of frame `number`.
+    /// The lights of a scene, at the exposure of frame `number`.
     pub(super) fn of(scene: &Scene, number: f64) -> Self {
         let of_light = |light: &Light| match *light {
             Light::Directional { direction, angle, shadows: true, .. } => {

@@ -142,7 +142,7 @@ fn what_is_at_the_eye_stays_fine() {
     assert!(cut.objects[0].shape.elements() < SIDE * SIDE);
 }
 
-/// What is far from the eye may cast a shadow near to it, and is then finer. Where its shadows do not show it is not.
+/// A thing that is far from the eye may cast a shadow near to it, and is then finer; not where no shadow shows.
 #[test]
 fn shadows_may_need_more_than_the_eye() {
     let elements = |direction: DVec3, shadows: bool| {

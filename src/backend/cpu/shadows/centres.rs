@@ -11,7 +11,7 @@ use crate::model::Gaussians;
 const RUN: usize = 4096;
 /// Standard deviations beyond which nothing is seen of a Gaussian: alpha is below 1/255 there, and its affine image
 /// beside the picture is up to 1.3 times as large as itself.
-const REACH: f32 = 4.5;
+pub(in crate::backend) const REACH_OF_CENTRE: f32 = 4.5;
 
 /// Some Gaussians of a capture at a time sample.
 pub(super) struct Centres<'a> {
@@ -25,7 +25,7 @@ pub(super) struct Centres<'a> {
 }
 
 impl<'a> Centres<'a> {
-    /// Those of all captures on which shadows fall, as far as they are visible.
+    /// The centres of all captures on which shadows fall, as far as they are visible.
     pub(super) fn all(frame: &'a Frame, sample: &'a PosedSample) -> Vec<Self> {
         let mut all = Vec::new();
         for (object, posed) in frame.objects.iter().zip(&sample.objects) {
@@ -51,7 +51,7 @@ impl<'a> Centres<'a> {
         let posed = self.posed;
         self.range.clone().map(move |i| {
             let place = posed.world_from_model * self.gaussians.position[i] + posed.world_origin;
-            (place, REACH * self.stretch * self.gaussians.sigma[i].max_element())
+            (place, REACH_OF_CENTRE * self.stretch * self.gaussians.sigma[i].max_element())
         })
     }
 }

@@ -9,7 +9,7 @@
 //! edges of shadows converge with the samples, without a filter.
 
 mod cells;
-mod centres;
+pub(in crate::backend) mod centres;
 pub(in crate::backend) mod fit;
 pub(in crate::backend) mod map;
 mod moved;

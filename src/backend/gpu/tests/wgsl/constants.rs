@@ -13,7 +13,9 @@ use crate::backend::cpu::land::LEAST_SPEED;
 use crate::backend::cpu::paint::buffers::DepthLayer;
 use crate::backend::cpu::project::{CROSSING, CULLED, ORDINARY};
 use crate::backend::cpu::published::ray::FAR;
+use crate::backend::cpu::resolve::ALL_CAUGHT;
 use crate::backend::cpu::shadows::GRAZING;
+use crate::backend::cpu::shadows::centres::REACH_OF_CENTRE;
 use crate::backend::cpu::shadows::fit::{GROWTH, MOST_SIDE, MOST_TRIES, SLICES};
 use crate::backend::cpu::shadows::view::BEYOND_FACE;
 use crate::backend::cpu::swept::attribute::HIDDEN;
@@ -27,8 +29,8 @@ use crate::backend::cpu::transparent::project::{
     FAINTEST, FAINTEST_DEPTH, HALF_LOG2_E, LEAST_REACH, MOST_BEND, MOST_DEPTH,
 };
 use crate::backend::gpu::layout::{
-    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME,
-    HARMONIC_RECORDS, HARMONICS, IN_STRETCHES, IS_REST, LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS,
+    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_RECEIVES,
+    FLAG_VOLUME, HARMONIC_RECORDS, HARMONICS, IN_STRETCHES, IS_REST, LARGE_GPU, LAST_SLAB, LISTS_ALONE, OPAQUE_SURFELS,
     SEE_THROUGH_SURFELS, SHARES_TILES, Status, TILE, VIEWS, WIDEST, WORKGROUP_ITEMS, WORKGROUPS,
 };
 use crate::backend::gpu::memory::MASKS;
@@ -56,6 +58,7 @@ fn whole(value: impl TryInto<u32>) -> Bits {
 fn shared() -> Vec<(&'static str, Bits)> {
     let of_status = |offset: usize| whole(offset / size_of::<u32>());
     vec![
+        ("ALL_CAUGHT", float(ALL_CAUGHT)),
         ("AMBIENT", float(AMBIENT)),
         ("BAND", whole(DepthLayer::Band as u32)),
         ("BEYOND_FACE", float(BEYOND_FACE)),
@@ -78,6 +81,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("FLAG_KEEP_LAYER", whole(FLAG_KEEP_LAYER)),
         ("FLAG_LIT", whole(FLAG_LIT)),
         ("FLAG_LOW_PASS", whole(FLAG_LOW_PASS)),
+        ("FLAG_RECEIVES", whole(FLAG_RECEIVES)),
         ("FLAG_VOLUME", whole(FLAG_VOLUME)),
         ("FRONT", whole(DepthLayer::Front as u32)),
         ("GRAZING", float(GRAZING)),
@@ -110,6 +114,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("OPAQUE_SURFELS", whole(OPAQUE_SURFELS)),
         ("ORDINARY", whole(ORDINARY)),
         ("REACH", float(REACH)),
+        ("REACH_OF_CENTRE", float(REACH_OF_CENTRE)),
         ("REST", whole(DepthLayer::Rest as u32)),
         ("ROUND", float(ROUND)),
         ("ROW_END", float(LANES as f32)),
