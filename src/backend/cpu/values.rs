@@ -119,7 +119,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         let i = faces[l].0 as usize;
         (colour[0][l], colour[1][l], colour[2][l]) = surfels.colour[i].into();
     }
-    // What is seen of it is how much light falls on white.
+    // A shadow catcher shows how much light falls on white.
     if shown.object.catcher {
         colour = [[1.0; LANES]; 3];
     }
