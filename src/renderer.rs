@@ -283,8 +283,12 @@ pub(crate) fn render_checked(
 
 /// The scene with the surfels that a frame needs. Of a scene with these it is the same.
 fn as_fine<'a>(scene: &'a Scene, frame: FrameNumber, options: &RenderOptions) -> Cut<'a> {
-    match options.detail.error(options.quality) {
-        Some(error) => scene.cut(frame.get(), CutTolerance::of(error), has_shadows(scene, options)),
+    // Where surfels are shaded, and not pixels, coarse ones would show coarse shadows on themselves.
+    let shades_surfels = options.look.shading == Shading::Gouraud
+        || matches!(options.quality, Quality::Mode(BlurMode::Volumetric { .. }));
+    let shadows = has_shadows(scene, options);
+    match options.detail.error(options.quality).filter(|_| !(shadows && shades_surfels)) {
+        Some(error) => scene.cut(frame.get(), CutTolerance::of(error), shadows),
         None => Cut::whole(scene),
     }
 }

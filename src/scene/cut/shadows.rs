@@ -226,7 +226,7 @@ mod tests {
             }
             shown[usize::from(found > 0.0)] += 1;
         }
-        assert!(shown[0] > 50 && shown[1] > 50, "{shown:?}");
+        assert!(shown.iter().all(|&cases| cases > 30), "{shown:?}");
     }
 
     /// A ball shows no less than its middle, and a lamp within it needs all that there is.
