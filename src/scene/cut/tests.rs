@@ -151,7 +151,7 @@ fn shadows_may_need_more_than_the_eye() {
         let rough = |i: usize| 3.0 * (noise(i % SIDE, i / SIDE) - 0.5);
         let mut surfels = Surfels::clone(scene.objects[0].shape.surfels().unwrap().surfels());
         (0..).zip(&mut surfels.position).for_each(|(i, place)| place.z = rough(i));
-        let far = Object { transform: scene.objects[0].transform.clone(), ..Object::new(surfels) };
+        let far = Object { transform: scene.objects[0].transform, ..Object::new(surfels) };
         let near = Object::new(round(DVec3::new(0.0, 0.0, 3000.0)));
         scene.objects = vec![far, near];
         (scene.camera.eye, scene.camera.at) = (DVec3::Z * 3100.0, DVec3::ZERO);
