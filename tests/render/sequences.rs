@@ -78,10 +78,10 @@ fn scene_of(files: &[Surfels], attributes: &str) -> (TempDir, Scene) {
     }
     let last = files.len();
     let object = format!("<object><pointModel sequence='f.%d.ply' first='1' last='{last}' {attributes}/></object>");
-    fs::write(dir.path().join("s.xml"), format!("<scene>{HEAD}{object}</scene>")).unwrap();
-    let mut scene = Scene::load(dir.path().join("s.xml")).unwrap();
-    // What is told here is motion, to the last bits.
-    scene.lights.iter_mut().for_each(|light| *light = light.without_shadows());
+    // What is told here is motion, to the last bits: the default lights, without shadows.
+    let lights = "<light type='directional' intensity='0.9' shadows='false'/><light type='ambient' intensity='0.3'/>";
+    fs::write(dir.path().join("s.xml"), format!("<scene>{HEAD}{lights}{object}</scene>")).unwrap();
+    let scene = Scene::load(dir.path().join("s.xml")).unwrap();
     (dir, scene)
 }
 
