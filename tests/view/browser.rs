@@ -255,7 +255,7 @@ fn every_control_has_a_key() {
     }
     // Those that `a_session` presses, or that say their own key.
     reached.extend(["shutter-reset", "copy", "reset", "save-png", "save-exr", "save-scene", "save-movie", "help-open"]);
-    reached.extend(["to-first", "back", "play", "forward", "to-last", "time"]);
+    reached.extend(["lights-drag", "lights-reset", "to-first", "back", "play", "forward", "to-last", "time"]);
     reached.sort_unstable();
     let controls = browser.text(
         "[...document.querySelectorAll('header button, aside :is(input, select, button), footer :is(input, button)')]\
