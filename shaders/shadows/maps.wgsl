@@ -7,7 +7,8 @@
 // element for each slice: the bounds on the plane of all that is in it, least x and y first; then the greatest distance
 // along the axis of the view, the depth at which the slice begins, the margin of the image in pixels, and whether all
 // blocks are wanted. Behind all views there are two elements, whose first twelve numbers are the map that takes a place
-// at which the camera shows a held object to where that is in the world.
+// at which the camera shows a held object to where that is in the world. The light of a whole sky comes last,
+// which shadow catchers need (`sky_at`).
 
 // Lights with shadows, and views of each: six where any is a point, else one.
 override SHADOW_LIGHTS: u32 = 1u;

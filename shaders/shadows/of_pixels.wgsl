@@ -1,8 +1,8 @@
 // Includes: shadows/lookup shadows/light
 // The shadows of pixels: each asks the maps.
 
-// The place of what the camera shows at `place`: held objects are elsewhere. Twin: Pixels::asked of
-// src/backend/cpu/resolve.rs.
+// The place of what the camera shows at `place`: held objects are elsewhere. Twin: SeenSurface::asked
+// of src/backend/cpu/resolve.rs.
 fn in_world(place: vec3<f32>) -> vec3<f32> {
     if !is_held { return place; }
     let at = view_at(SHADOW_LIGHTS, 0u);

@@ -313,9 +313,7 @@ impl Segment {
             ..Self::zeroed()
         }
     }
-}
 
-impl Segment {
     /// The same where the origin of the model is at `origin` relative to the eye, world axes.
     pub(in crate::backend) fn placed(self, posed: &PosedObject, origin: Vec3) -> Self {
         Self { world: rows(&posed.world_from_model, origin), ..self }

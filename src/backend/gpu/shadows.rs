@@ -12,7 +12,8 @@ use crate::backend::cpu::shadows::view::LightView;
 use crate::frame::FrameObject;
 
 /// The lights of the middle sample of a group, and then how those with shadows see, as `shaders/shadows/maps.wgsl` has
-/// it: as many views of each. Then where held objects are. Nothing where no light has shadows.
+/// it: as many views of each. Then where held objects are, and the light of a whole sky for
+/// shadow catchers. Nothing where no light has shadows.
 pub(in crate::backend) fn light_views(job: &Job<'_>) -> Vec<Light> {
     let prepared = job.place.prepared;
     let faces = prepared.schedule.shadows.faces as usize;
