@@ -168,22 +168,22 @@ fn add_splat(
     let away = y - splat.slope * x;
     let exponent = splat.peak - splat.along * (x * x) - splat.across * (away * away);
     let value = powers_of_two(exponent);
-    let before = vec4<f32>(splat.depth) <= (*quad).limit;
-    if OPEN != 0u && splat.layer > 0u {
-        let shows = (exponent >= vec4<f32>(least_power(splat.peak))) & before;
-        if !any(shows) { return; }
-        if NEXT != 0u { pass_surfels(sum, open, quad, shows, splat.depth, false); }
+    let is_volume = OPEN != 0u && splat.layer > 0u;
+    let faintest = select(-LOG2_FAINTEST, least_power(splat.peak), is_volume);
+    let reaches = (exponent >= vec4<f32>(faintest)) & (vec4<f32>(splat.depth) <= (*quad).limit);
+    if is_volume && !any(reaches) { return; }
+    // Called in one place alone: some software devices take turns of its loops where no pixel takes them, too.
+    if NEXT != 0u { pass_surfels(sum, open, quad, reaches, splat.depth, false); }
+    if is_volume {
         if (*quad).layer != splat.layer {
             close_layer(sum, open, vec4<bool>(true));
             (*quad).layer = splat.layer;
         }
-        let depth = select(vec4<f32>(0.0), value, shows);
+        let depth = select(vec4<f32>(0.0), value, reaches);
         (*open).through += depth;
         add(open, splat, depth);
         return;
     }
-    let reaches = (exponent >= vec4<f32>(-LOG2_FAINTEST)) & before;
-    if NEXT != 0u { pass_surfels(sum, open, quad, reaches, splat.depth, false); }
     if OPEN != 0u { close_layer(sum, open, reaches); }
     let through = (*sum).through;
     let shows = reaches & (through >= vec4<f32>(OPAQUE));

@@ -12,11 +12,12 @@ use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{self, Gaussians, Kind, LoadOptions, Optics, TransferFunction, TransferStop, VolumeOptions};
 use splatblur::options::{
-    BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Times,
+    BlurMode, Detail, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Times,
 };
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Motion, Object, Scene};
 
+use crate::support::gpu::gpu_or_skip;
 use crate::support::volumes::{VolumeCamera, picture, pixel as support_pixel};
 use crate::support::{render, scene};
 
@@ -377,6 +378,28 @@ fn memory_and_threads_change_no_byte() {
             assert!(bits(&found.picture) == bits(&whole.picture), "{mode}, {threads} threads, {memory}");
         }
     }
+}
+
+/// Software devices end loops early: all kernels of a volume may lie in one tile, and layers of see-through surfels
+/// before each of them.
+#[test]
+fn a_tile_holds_more_kernels_than_a_loop_has_turns() {
+    let Some(mut gpu) = gpu_or_skip("a_tile_holds_more_kernels_than_a_loop_has_turns") else { return };
+    let mut scene = mixed([16, 16]);
+    let field = |p: Vec3| (0.3, Vec3::splat(0.5) + 0.4 * p);
+    scene.objects.truncate(1);
+    scene.objects[0] = Object::new(grid(56, 0.6, LAYER, field));
+    let mut glass = mixed([16, 16]).objects.pop().unwrap();
+    glass.transform.translate = DVec3::new(0.3, 0.2, 0.5);
+    scene.objects.push(glass);
+    let options = RenderOptions { detail: Detail::Full, ..unfiltered() };
+    let cpu = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
+    let found = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
+    assert!(cpu.stats.splats > 70_000, "{}", cpu.stats.splats);
+    let pairs = found.rgba.iter().flatten().zip(cpu.picture.rgba.iter().flatten());
+    let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    println!("worst {worst}");
+    assert!(worst < 1e-4, "{worst}");
 }
 
 /// All modes show the same picture, up to what they sample.
