@@ -53,7 +53,10 @@ const fn directions<const D: usize>(inner: u32, start: [u32; D]) -> [u32; 32] {
     let mut v = [0; 32];
     let mut i = 0;
     while i < 32 {
-        if i < D {
+        if D == 0 {
+            // The van der Corput sequence.
+            v[i] = 1 << (31 - i);
+        } else if i < D {
             v[i] = start[i] << (31 - i);
         } else {
             v[i] = v[i - D] ^ (v[i - D] >> D);
@@ -80,6 +83,19 @@ pub fn owen_scramble(fraction: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x0552_6c56);
     x ^= x.wrapping_mul(0x53a2_2864);
     x.reverse_bits()
+}
+
+/// As many numbers in [0, 1) for sample `number`, in steps of 2^-24. Those of five neighbours are Sobol' points of one
+/// sequence, shuffled and scrambled (Burley 2020): each is even over aligned blocks of samples, and so are pairs of the
+/// first two. Those of two seeds are independent.
+pub fn chances<const N: usize>(number: u32, seed: u32) -> [f32; N] {
+    const DIMENSIONS: [[u32; 32]; 5] = [directions(0, []), directions(0, [1]), THIRD, FOURTH, FIFTH];
+    std::array::from_fn(|at| {
+        let (of_sequence, dimension) = (mix(seed).wrapping_add((at / 5) as u32), at % 5);
+        let index = owen_scramble(number, mix(of_sequence));
+        let scramble = mix(mix(!of_sequence).wrapping_add(dimension as u32));
+        (owen_scramble(sobol(&DIMENSIONS[dimension], index), scramble) >> 8) as f32 / 16_777_216.0
+    })
 }
 
 /// A well-mixed 32-bit hash of a seed and a stream number (the finaliser of `SplitMix64`).
@@ -130,6 +146,21 @@ pub fn pixel_offsets(n: u32, seed: u64) -> Vec<[f32; 2]> {
 pub fn light_point(number: u32, seed: u64, light: u64) -> [f64; 3] {
     let scrambled = |d: u64, directions| owen_scramble(sobol(directions, number), hash(seed, (light + 1) << 8 | d));
     [scrambled(0, &THIRD), scrambled(1, &FOURTH), scrambled(2, &FIFTH)].map(|x| (f64::from(x) + 0.5) / 4_294_967_296.0)
+}
+
+/// A number in [0, 1) for sample `number`, in steps of 2^-24: the van der Corput sequence, shuffled and scrambled
+/// (Burley 2020). Those of aligned blocks of 2^m samples are even. Those of two seeds are independent.
+pub fn chance(number: u32, seed: u32) -> f32 {
+    let index = owen_scramble(number, mix(seed));
+    let fraction = owen_scramble(index.reverse_bits(), mix(!seed));
+    (fraction >> 8) as f32 / 16_777_216.0
+}
+
+/// A well-mixed 32-bit hash of a number (Wellons 2018, `lowbias32`).
+pub const fn mix(number: u32) -> u32 {
+    let x = (number ^ (number >> 16)).wrapping_mul(0x7feb_352d);
+    let x = (x ^ (x >> 15)).wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
 }
 
 /// exp(-2): what a Gaussian in two dimensions loses where it is cut at 2 standard deviations.
@@ -279,6 +310,53 @@ mod tests {
 
     /// Areas of the unit square become masses of the Gaussian: its density times the map's determinant is 1. The
     /// square's border becomes the circle at 2.
+    /// Blocks of 2^m numbers of a seed are even, and those of two seeds are independent: the share of both below their
+    /// limits is the product, within four standard errors of as many random numbers.
+    #[test]
+    fn chances_are_even_and_independent() {
+        for seed in 0..50 {
+            for (first, count) in [(0, 16), (32, 32), (256, 256)] {
+                let mut seen = vec![false; count];
+                for number in first..first + count as u32 {
+                    let cell = (chance(number, seed) * count as f32) as usize;
+                    assert!(!seen[cell], "seed {seed}, number {number}");
+                    seen[cell] = true;
+                }
+            }
+        }
+        let mut squares = 0.0;
+        for seed in 0..400 {
+            let below = |number: &u32| chance(*number, 2 * seed) < 0.7 && chance(*number, 2 * seed + 1) < 0.3;
+            let share = (0..256).filter(below).count() as f64 / 256.0;
+            let deviation = (share - 0.21) / (0.21 * 0.79 / 256.0_f64).sqrt();
+            assert!(deviation.abs() < 4.0, "seed {seed}: {share}");
+            squares += deviation * deviation;
+        }
+        // Evenness makes them vary less than random numbers.
+        assert!(squares < 400.0, "{squares}");
+    }
+
+    /// Each of several chances is even, and the share of samples with two of them below limits is the product: nearer
+    /// than a twentieth of a standard error of random numbers for the first two, and within four for all.
+    #[test]
+    fn several_chances_are_even_together() {
+        for seed in 0..100 {
+            let all: Vec<[f32; 8]> = (0..256).map(|number| chances(number, seed)).collect();
+            for at in 0..8 {
+                let mut seen = [false; 256];
+                all.iter().for_each(|chances| seen[(chances[at] * 256.0) as usize] = true);
+                assert!(seen.iter().all(|&seen| seen), "seed {seed}, {at}");
+            }
+            for [first, second] in [[0, 1], [0, 2], [1, 4], [2, 6], [5, 6]] {
+                let below = |chances: &&[f32; 8]| chances[first] < 0.5 && chances[second] < 0.5;
+                let share = all.iter().filter(below).count() as f64 / 256.0;
+                let error = (0.25 * 0.75 / 256.0_f64).sqrt();
+                let limit = if first == 0 && second == 1 { 0.05 * error } else { 4.0 * error };
+                assert!((share - 0.25).abs() < limit, "seed {seed}, {first} and {second}: {share}");
+            }
+        }
+    }
+
     #[test]
     fn the_square_becomes_a_gaussian() {
         for i in 0..1000 {

@@ -264,6 +264,11 @@ impl Object {
     }
 
     #[getter]
+    fn casts_shadows(&self) -> bool {
+        self.object.casts_shadows
+    }
+
+    #[getter]
     fn opacity(&self) -> f64 {
         self.object.opacity
     }
@@ -331,6 +336,10 @@ impl Object {
 
     fn with_shadow_catcher(&self, shadow_catcher: bool) -> Self {
         self.with(|object| object.shadow_catcher = shadow_catcher)
+    }
+
+    fn with_casts_shadows(&self, casts_shadows: bool) -> Self {
+        self.with(|object| object.casts_shadows = casts_shadows)
     }
 
     fn with_opacity(&self, opacity: f64) -> Self {

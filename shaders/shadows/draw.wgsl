@@ -1,9 +1,9 @@
 // Includes: common/types common/views common/work shadows/stamp
 // Draws surfels onto shadow maps, but for what is left to `shadow_draw_wide`.
-// Twin: ShadowMap::draw of src/backend/cpu/shadows/map.rs.
-//   in   segments, geometry   of all opaque surfels
+// Twin: ShadowMap::draw of src/backend/cpu/shadows/map.rs, or a layer of Layers::draw.
+//   in   segments, geometry   of all surfels
 //        lights, casters
-//   out  maps                 their texels; 0 before
+//   out  maps                 their texels; 0 before, or those of the layers before
 // One invocation for each surfel and light. The invocations of a workgroup take together what covers many texels.
 
 // Surfels of the workgroup that cover many texels of a map, and their number.

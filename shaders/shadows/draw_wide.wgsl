@@ -1,6 +1,6 @@
 // Includes: common/types common/views common/work shadows/stamp
 // Draws onto shadow maps what covers very many texels.
-// Twin: ShadowMap::draw of src/backend/cpu/shadows/map.rs.
+// Twin: ShadowMap::draw of src/backend/cpu/shadows/map.rs, or a layer of Layers::draw.
 //   in   segments, geometry, lights, casters   as `shadow_draw` has them
 //   out  maps                                  their texels, which go on from what is there
 // One workgroup for each surfel and light, where there are any such surfels.

@@ -1,7 +1,7 @@
 // Includes: common/types common/views common/work common/wanted shadows/posed shadows/receive
 // What the views of lights show of receivers: of all surfels that the camera may see.
 // Twin: Fit::of of src/backend/cpu/shadows/fit.rs.
-//   in   segments, geometry   of all opaque surfels
+//   in   segments, geometry   of all surfels; opaque ones receive
 //        lights               their views
 //        wanted
 //   out  maps                 bounds of receivers, as shadows/maps.wgsl has them; 0 before
@@ -24,7 +24,7 @@ fn bounds_on(of_light: LightView, place: vec3<f32>, radius: f32) -> vec4<f32> {
 @compute @workgroup_size(256)
 fn shadow_fit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = surfel_of(group.x, lane);
-    if index >= segment.surfels { return; }
+    if index >= segment.surfels || (segment.flags & IS_RECEIVER) == 0u { return; }
     view = views[segment.view];
     let of_surfel = 3u * (segment.first_surfel + index);
     let centre = apply(segment.world, placed(of_surfel));

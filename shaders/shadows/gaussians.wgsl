@@ -42,7 +42,7 @@ fn shadow_gaussians(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
             radiance *= 1.0 / max(dot3(d, d), 1e-30);
         }
         all_light += radiance;
-        if light.colour.w != 0.0 && !is_lit(u32(light.colour.w) - 1u, place) { taken += radiance; }
+        if light.colour.w != 0.0 && !is_lit(u32(light.colour.w) - 1u, place, true) { taken += radiance; }
     }
     if all(taken == vec3<f32>(0.0)) { return; }
     let left = vec3<f32>(

@@ -5,9 +5,10 @@
 // elements of each have three rows that turn the world's axes into those of the view, with where the grid begins (two
 // numbers, texels), and whether rays start at a point; then that point, and the rows of the raster. There follows one
 // element for each slice: the bounds on the plane of all that is in it, least x and y first; then the greatest distance
-// along the axis of the view, the depth at which the slice begins, the margin of the image in pixels, and whether all
-// blocks are wanted. Behind all views there are two elements, whose first twelve numbers are the map that takes a place
-// at which the camera shows a held object to where that is in the world. The light of a whole sky comes last,
+// along the axis of the view, and the depth at which the slice begins; and in those of the first slices the chances of
+// layers of see-through surfels, and the seed of Gaussians. Behind all views there are two elements, whose first twelve
+// numbers are the map that takes a place at which the camera shows a held object to where that is in the world; then
+// come the margin of the image in pixels, and whether all blocks are wanted. The light of a whole sky comes last,
 // which shadow catchers need (`sky_at`).
 
 // Lights with shadows, and views of each: six where any is a point, else one.
@@ -15,6 +16,14 @@ override SHADOW_LIGHTS: u32 = 1u;
 override FACES: u32 = 1u;
 // Texels that all maps of a light are to have together. There is room for some more.
 override TEXELS: u32 = 1u;
+// Words of a texel; those of all texels of a light follow each other. The first is the number, from 1, of the surfel
+// that stops the light there, or 0. Where there are see-through surfels, the next ones are that of the last layer
+// before it, with the number of layers from bit LAYERS_SHIFT on; and that of the layer that is being found.
+override TEXEL_WORDS: u32 = 1u;
+// The word with the Gaussian of a capture that stops light there first, whatever else does; 0 where no capture casts.
+// Captures stop no light on captures.
+override CAPTURE_WORD: u32 = 0u;
+const LAYERS_SHIFT: u32 = 28u;
 
 // Slices of the depth before the camera. Two end at twice the depth at which they begin.
 const DEPTH_SLICES: u32 = 80u;
@@ -116,7 +125,7 @@ fn slice_of(depth: f32) -> u32 {
 
 // The first word of a light's maps, of the view's group. Its texels come behind what is known of the maps.
 fn maps_of(light: u32) -> u32 {
-    return (view.number * SHADOW_LIGHTS + light) * (FACES * DEPTH_SLICES * MAP_WORDS + room());
+    return (view.number * SHADOW_LIGHTS + light) * (FACES * DEPTH_SLICES * MAP_WORDS + TEXEL_WORDS * room());
 }
 
 // Texels of a light that there is room for. Twin: ShadowSizes::room of src/backend/gpu/shadow_sizes.rs.

@@ -13,7 +13,9 @@ fn in_world(place: vec3<f32>) -> vec3<f32> {
 fn reaching(light: Light, normal: vec3<f32>, place: vec3<f32>) -> f32 {
     if light.colour.w == 0.0 { return 1.0; }
     var seen = 0.0;
-    if faces_light(light, normal, place) { seen = select(0.0, 1.0, is_lit(u32(light.colour.w) - 1u, in_world(place))); }
+    if faces_light(light, normal, place) {
+        seen = select(0.0, 1.0, is_lit(u32(light.colour.w) - 1u, in_world(place), false));
+    }
     return 1.0 - receives * (1.0 - seen);
 }
 

@@ -21,7 +21,7 @@ fn size_of_raster() -> vec2<f32> {
 
 // Pixels around the image in which surfels receive shadows, too.
 fn margin() -> f32 {
-    return lights[slice_at(0u, 0u, 0u)].colour.z;
+    return lights[view_at(SHADOW_LIGHTS, 0u) + 1u].colour.x;
 }
 
 // Does a ball show in the image, or within its margin? `at`: to the right and down, at `depth` before the
@@ -38,7 +38,7 @@ fn sees(at: vec2<f32>, depth: f32, radius: f32) -> bool {
 
 // Does any block show the ball that is wanted?
 fn wants(at: vec2<f32>, depth: f32, radius: f32) -> bool {
-    let wants_all = lights[slice_at(0u, 0u, 0u)].colour.w != 0.0;
+    let wants_all = lights[view_at(SHADOW_LIGHTS, 0u) + 1u].colour.y != 0.0;
     if wants_all || depth - radius < view.near { return true; }
     let low = view.focal * (at - radius);
     let high = view.focal * (at + radius);

@@ -1,12 +1,16 @@
 // Includes: shadows/posed
 // How a surfel is drawn onto the shadow maps of a light. A texel keeps the number, from 1, of the surfel that comes
 // first there, tolerance included; of two at the same distance that of the lower number. So the order of invocations
-// does not matter. Twin: ShadowMap::draw and Caster::of of src/backend/cpu/shadows/map.rs.
+// does not matter. See-through surfels are drawn layer by layer: the first one behind the last layer of a texel.
+// Twins: ShadowMap::draw, Layers::draw and Caster::of of src/backend/cpu/shadows/.
 
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(39) var<storage, read_write> maps: array<atomic<u32>>;
 @group(1) @binding(40) var<storage, read> casters: array<vec4<f32>>;
+
+// Is a layer of see-through surfels drawn, or what is opaque?
+override PEEL: bool = false;
 
 // Invocations of a workgroup.
 const DRAWING: u32 = 64u;
@@ -18,10 +22,10 @@ const BEYOND_FACE: f32 = 0.99;
 
 // Where a plane stops the light of a ray: the ray's place on the plane of the view with parallel rays, else its
 // direction.
-fn end_of(at: u32, ray: vec3<f32>) -> f32 {
+fn end_of(at: u32, ray: vec3<f32>, is_point: bool) -> f32 {
     let first = casters[at];
-    // The centre and the tolerance are 0 for a point light, and its m is turned.
-    return dot3(first.xyz, casters[at + 1u].xyz - ray) + first.w;
+    // The centre is 0 for a point light, and its m is turned.
+    return dot3(first.xyz, casters[at + 1u].xyz - ray) + select(first.w, 0.0, is_point);
 }
 
 // The ends of a disc along both axes of the plane of a view: least, then greatest x and y; all of a face where the disc
@@ -47,9 +51,16 @@ fn ends_of(c: vec3<f32>, u: vec3<f32>, v: vec3<f32>, is_point: bool) -> vec4<f32
 // Draws surfel `index` of the segment onto the maps on which more texels lie in its bounds than `texels.x`, and at most
 // `texels.y`: from texel `lane`, every `stride`-th. Are there more of them on any other map?
 fn stamp(index: u32, light: u32, texels: vec2<u32>, lane: u32, stride: u32) -> bool {
-    let number = segment.first_slot + index;
-    if casters[caster_of(light, number) + 1u].w == 0.0 { return false; }
-    let disc = disc_of(index);
+    let number = number_of(index);
+    let caster = caster_of(light, number);
+    let is_drawn = (segment.flags & CASTS) != 0u && PEEL == ((segment.flags & SEE_THROUGH) != 0u);
+    if !is_drawn || casters[caster + 1u].w < 0.0 { return false; }
+    var disc: Disc;
+    if (segment.flags & ARE_SPLATS) != 0u {
+        disc = Disc(casters[caster + 2u].xyz, casters[caster + 3u].xyz, casters[caster + 4u].xyz);
+    } else {
+        disc = disc_of(index);
+    }
     var has_more = false;
     for (var face = 0u; face < FACES; face += 1u) {
         let of_light = light_view(light, face);
@@ -94,7 +105,7 @@ fn stamp(index: u32, light: u32, texels: vec2<u32>, lane: u32, stride: u32) -> b
                     var ray = of_light.x * place.x + of_light.y * place.y;
                     // The value for a ray from a point is that of the ray turned round.
                     if of_light.is_point { ray = -(ray + of_light.along); }
-                    offer(first_texel + at.y * size.x + at.x, light, number, ray);
+                    offer(first_texel + at.y * size.x + at.x, light, number, ray, of_light.is_point);
                 }
             }
         }
@@ -121,14 +132,26 @@ fn covers(c: vec3<f32>, u: vec3<f32>, v: vec3<f32>, place: vec2<f32>, is_point: 
 }
 
 // Puts a surfel into a texel if it comes before what is there.
-fn offer(at: u32, light: u32, number: u32, ray: vec3<f32>) {
-    let end = end_of(caster_of(light, number), ray);
+fn offer(texel: u32, light: u32, number: u32, ray: vec3<f32>, is_point: bool) {
+    let caster = caster_of(light, number);
+    let end = end_of(caster, ray, is_point);
     // An end that is no number, or infinite, stops nothing.
     if (bitcast<u32>(end) & 0x7f800000u) == 0x7f800000u { return; }
+    var at = texel;
+    if (segment.flags & (ARE_SPLATS | IS_VOLUME)) == ARE_SPLATS { at = texel + CAPTURE_WORD * room(); }
+    if PEEL {
+        let opaque = atomicLoad(&maps[texel]);
+        if opaque != 0u && !(end < end_of(caster_of(light, opaque - 1u), ray, is_point)) { return; }
+        let last = atomicLoad(&maps[texel + room()]) & ((1u << LAYERS_SHIFT) - 1u);
+        let moved = casters[caster].w;
+        let distance = select(end - moved, end * moved, is_point);
+        if last != 0u && !(distance > end_of(caster_of(light, last - 1u), ray, is_point)) { return; }
+        at = texel + 2u * room();
+    }
     var there = atomicLoad(&maps[at]);
     loop {
         if there != 0u {
-            let others = end_of(caster_of(light, there - 1u), ray);
+            let others = end_of(caster_of(light, there - 1u), ray, is_point);
             if !(end < others || (end == others && number < there - 1u)) { return; }
         }
         let done = atomicCompareExchangeWeak(&maps[at], there, number + 1u);

@@ -67,7 +67,7 @@ fn shadow_surfels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
         for (var light = first; light < min(first + LIGHTS_OF_MASK, SHADOW_LIGHTS); light += 1u) {
             var place = moved.place;
             if moves { place = asked(light_view(light, 0u), moved); }
-            if is_lit(light, place) { mask |= 1u << (light - first); }
+            if is_lit(light, place, false) { mask |= 1u << (light - first); }
         }
         values[slot * VALUES + first / LIGHTS_OF_MASK] = f32(mask);
     }

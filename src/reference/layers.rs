@@ -4,10 +4,7 @@
 //! layer, and are blended as an opaque surface is. Layers are composited front to back.
 
 use super::trace::{Seen, Tracer};
-use super::traverse::LEAST_EPSILON;
-
-/// Most layers of a ray. Farther ones are left out.
-pub(super) const MOST_LAYERS: usize = 8;
+use super::traverse::{LEAST_EPSILON, MOST_LAYERS};
 
 /// A layer of see-through surfels.
 #[derive(Clone, Copy, Debug)]

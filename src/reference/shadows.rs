@@ -1,15 +1,18 @@
 //! Shadows on opaque surfaces: the points of a sample on the lights, and what stands before them.
 //!
-//! A sample has one point on each light that has shadows, and the light shines from there alone. What casts are the
-//! opaque surfels, triangles and ideal spheres, each posed at the sample's time. Nothing see-through casts or receives.
+//! A sample has one point on each light that has shadows, and the light shines from there alone. Opaque surfels,
+//! triangles and ideal spheres keep it away, each posed at the sample's time. See-through surfels weaken it: their
+//! layers on the ray, counted from the light, each by the share 1 - opacity. So do captures and volumes
+//! ([`super::haze`]). Of all that captures alone receive, and not from captures.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3};
 
+use super::haze::LightRay;
 use super::posed::{BodyPose, Form, World};
 use super::sampler::LightNumbers;
-use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, intersect_sphere, traverse};
+use super::traverse::{Found, Hit, LEAST_EPSILON, MOST_LAYERS, ModelRay, Waiting, intersect_sphere, traverse};
 use crate::model::paths::Elapsed;
 use crate::scene::Light;
 use crate::shading::ShadingLight;
@@ -18,8 +21,11 @@ use crate::shading::ShadingLight;
 #[derive(Debug)]
 pub(super) struct Shadows<'w, 'a> {
     world: &'w World<'a>,
-    /// Numbers of the bodies that cast.
+    /// Numbers of the bodies that cast: opaque ones, see-through surfels, and captures and volumes; and where the first
+    /// two end.
     casters: Vec<usize>,
+    opaque: usize,
+    surfaces: usize,
     /// Their poses at the sample's time; empty until a ray needs them.
     poses: Vec<Option<(BodyPose, Elapsed<f64>)>>,
     time: f64,
@@ -28,6 +34,7 @@ pub(super) struct Shadows<'w, 'a> {
     reaching: Vec<ShadingLight>,
     found: [Found; 1],
     stack: Vec<Waiting>,
+    places: Vec<(u32, u32)>,
 }
 
 /// From where a light shines, world space.
@@ -89,19 +96,28 @@ impl<'w, 'a> Shadows<'w, 'a> {
     /// `None` where there are no shadows.
     pub(super) fn new(world: &'w World<'a>) -> Option<Self> {
         let any = world.options.look.shadows && world.scene.has_shadows();
-        let casts = |&number: &usize| {
-            let body = &world.bodies[number];
-            matches!(body.form, Form::Model(_) | Form::Sphere(_)) && !body.see_through
+        let kind = |number: usize| match world.bodies[number].form {
+            Form::Model(_) | Form::Sphere(_) if world.bodies[number].see_through => Some(1),
+            Form::Model(_) | Form::Sphere(_) => Some(0),
+            Form::Gaussians(_) | Form::Volume(_) => Some(2),
+            Form::Nothing => None,
+        };
+        let all = |of: i32| {
+            let casts = move |&number: &usize| kind(number) == Some(of) && world.bodies[number].object.casts_shadows;
+            (0..world.bodies.len()).filter(casts)
         };
         any.then(|| Self {
             world,
-            casters: (0..world.bodies.len()).filter(casts).collect(),
+            casters: all(0).chain(all(1)).chain(all(2)).collect(),
+            opaque: all(0).count(),
+            surfaces: all(0).chain(all(1)).count(),
             poses: Vec::new(),
             time: 0.0,
             lights: Vec::new(),
             reaching: Vec::new(),
             found: [Found::default()],
             stack: Vec::new(),
+            places: Vec::new(),
         })
     }
 
@@ -151,8 +167,9 @@ impl<'w, 'a> Shadows<'w, 'a> {
         self.reaching.clear();
         for i in 0..self.lights.len() {
             let (light, source) = self.lights[i];
-            if source.is_none_or(|source| self.reaches(source, at)) {
-                self.reaching.push(light);
+            let share = source.map_or(1.0, |source| self.share(source, at));
+            if share > 0.0 {
+                self.reaching.push(dimmed(light, share as f32));
             }
         }
         &self.reaching
@@ -189,8 +206,8 @@ impl<'w, 'a> Shadows<'w, 'a> {
             let is_sky = i == self.world.scene.lights.len();
             let smooth_sky = self.world.smooth_sky().filter(|_| is_sky);
             all += smooth_sky.map_or(falls, |terms| diffuse * luminance(smooth(&terms, at.normal)));
-            if falls > 0.0 && source.is_some_and(|source| !self.reaches(source, at)) {
-                taken += falls;
+            if falls > 0.0 {
+                taken += source.map_or(0.0, |source| falls * (1.0 - self.share(source, at)));
             }
         }
         [all, taken]
@@ -215,22 +232,24 @@ impl<'w, 'a> Shadows<'w, 'a> {
                 }
             };
             all += radiance;
-            if source.is_some_and(|source| self.is_blocked(source, &at)) {
-                hidden += radiance;
-            }
+            hidden += source.map_or(0.0, |source| 1.0 - self.let_through(source, &at, true)) * radiance;
         }
         let share = |all: f64, hidden: f64| if all > 0.0 { 1.0 - hidden / all } else { 1.0 };
         (hidden != DVec3::ZERO)
             .then(|| DVec3::new(share(all.x, hidden.x), share(all.y, hidden.y), share(all.z, hidden.z)))
     }
 
-    /// A surface that faces away from the light is in its own shadow, highlights too: it takes no ray.
-    fn reaches(&mut self, source: Source, at: &Receiver<'_>) -> bool {
-        at.normal.dot(source.from(at.place).0) > 0.0 && !self.is_blocked(source, at)
+    /// The share of a light that reaches a surface. One that faces away from the light is in its own shadow, highlights
+    /// too: it takes no ray.
+    fn share(&mut self, source: Source, at: &Receiver<'_>) -> f64 {
+        // The comparison also fails where it is no number.
+        let is_lit = at.normal.dot(source.from(at.place).0) > 0.0;
+        if is_lit { self.let_through(source, at, false) } else { 0.0 }
     }
 
-    /// Is anything in the way of a light?
-    fn is_blocked(&mut self, source: Source, at: &Receiver<'_>) -> bool {
+    /// The share of a light that nothing on the way to a place keeps away. Captures keep none from the places of
+    /// captures, whose colours were photographed in their own shadows.
+    fn let_through(&mut self, source: Source, at: &Receiver<'_>, of_capture: bool) -> f64 {
         let (towards, distance) = source.from(at.place);
         if self.poses.is_empty() {
             let posed = |&caster: &usize| {
@@ -239,7 +258,63 @@ impl<'w, 'a> Shadows<'w, 'a> {
             };
             self.poses.extend(self.casters.iter().map(posed));
         }
-        (0..self.casters.len()).any(|caster| self.blocks(caster, at, towards, distance))
+        if (0..self.opaque).any(|caster| self.blocks(caster, at, towards, distance)) {
+            return 0.0;
+        }
+        let mut share = 1.0;
+        if self.opaque < self.surfaces {
+            share *= self.through_layers(at, towards, distance);
+        }
+        let near = LEAST_EPSILON * at.place.distance(at.eye);
+        for caster in self.surfaces..self.casters.len() {
+            let Some((pose, _)) = &self.poses[caster] else { continue };
+            let ray = LightRay::new(pose, at.place, towards, [near, distance]);
+            share *= match self.world.bodies[self.casters[caster]].form {
+                Form::Gaussians(_) if of_capture => 1.0,
+                Form::Gaussians(tree) => ray.through_capture(&self.world.trees[tree], &mut self.places),
+                Form::Volume(tree) => ray.through_volume(&self.world.volume_trees[tree], &mut self.places),
+                Form::Model(_) | Form::Sphere(_) | Form::Nothing => 1.0,
+            };
+        }
+        share
+    }
+
+    /// The share of light that see-through surfels let through from a light at `distance` along the unit vector
+    /// `towards`. Their layers are those of an eye at the light ([`super::layers`]).
+    fn through_layers(&mut self, at: &Receiver<'_>, towards: DVec3, distance: f64) -> f64 {
+        let near = LEAST_EPSILON * at.place.distance(at.eye);
+        self.found[0].clear();
+        self.found[0].limit = distance;
+        for caster in self.opaque..self.surfaces {
+            let Some((pose, elapsed)) = self.poses[caster] else { continue };
+            let number = self.casters[caster];
+            // What light passes through hides nothing that is behind it.
+            let ray = ModelRay { epsilon: f64::INFINITY, ..model_ray(number, (&pose, elapsed), at, towards, near) };
+            if let Form::Model(model) = self.world.bodies[number].form {
+                traverse(&self.world.models[model], &[ray], &mut self.found, &mut self.stack);
+            }
+        }
+        let mut hits = std::mem::take(&mut self.found[0].hits);
+        hits.sort_unstable_by(|a, b| b.depth.total_cmp(&a.depth));
+        let tolerance = |hit: &Hit| {
+            let caster = (self.opaque..self.surfaces).find(|&caster| self.casters[caster] == hit.object as usize);
+            let pose = caster.and_then(|caster| self.poses[caster]);
+            pose.map_or(0.0, |(pose, _)| pose.epsilon).max(LEAST_EPSILON * hit.depth)
+        };
+        let (mut share, mut rest) = (1.0, &hits[..]);
+        for _ in 0..MOST_LAYERS {
+            let end = rest.iter().map(|hit| hit.depth - tolerance(hit)).fold(f64::NEG_INFINITY, f64::max);
+            let (layer, behind) = rest.split_at(rest.partition_point(|hit| hit.depth >= end));
+            if layer.is_empty() {
+                break;
+            }
+            let weight: f64 = layer.iter().map(Hit::weight).sum();
+            let opacity: f64 = layer.iter().map(|hit| hit.weight() * self.world.opacity(hit)).sum();
+            share *= 1.0 - opacity / weight;
+            rest = behind;
+        }
+        self.found[0].hits = hits;
+        share
     }
 
     /// Is a caster in the way from a place to the light at `distance` along the unit vector `towards`?
@@ -271,16 +346,7 @@ impl<'w, 'a> Shadows<'w, 'a> {
             [Some(from(rounding, true)), None]
         };
         rules.into_iter().flatten().any(|Blocking { near, two_sided }| {
-            let ray = ModelRay {
-                origin: pose.model_from_world * (at.place - pose.world_from_model.translation),
-                direction: pose.model_from_world * towards,
-                near,
-                epsilon: 0.0,
-                two_sided,
-                object: number as u32,
-                lane: 0,
-                elapsed,
-            };
+            let ray = ModelRay { two_sided, ..model_ray(number, (&pose, elapsed), at, towards, near) };
             self.found[0].clear();
             self.found[0].limit = distance;
             match body.form {
@@ -290,6 +356,35 @@ impl<'w, 'a> Shadows<'w, 'a> {
             }
             !self.found[0].hits.is_empty()
         })
+    }
+}
+
+/// A light of which this share is left.
+fn dimmed(mut light: ShadingLight, share: f32) -> ShadingLight {
+    if let ShadingLight::Directional { colour, .. } | ShadingLight::Point { colour, .. } = &mut light {
+        *colour *= share;
+    }
+    light
+}
+
+/// The ray from a place along the unit vector `towards`, from the distance `near` on, in the model of body `number`.
+/// It meets both sides, and what it meets first hides the rest.
+fn model_ray(
+    number: usize,
+    (pose, elapsed): (&BodyPose, Elapsed<f64>),
+    at: &Receiver<'_>,
+    towards: DVec3,
+    near: f64,
+) -> ModelRay {
+    ModelRay {
+        origin: pose.model_from_world * (at.place - pose.world_from_model.translation),
+        direction: pose.model_from_world * towards,
+        near,
+        epsilon: 0.0,
+        two_sided: true,
+        object: number as u32,
+        lane: 0,
+        elapsed,
     }
 }
 

@@ -21,6 +21,9 @@ use crate::scene::Sphere;
 /// (docs/math.md, eq. 5).
 pub(super) const LEAST_EPSILON: f64 = 4.0 * f32::EPSILON as f64;
 
+/// Most layers of see-through surfels of a ray. Farther ones are left out.
+pub(super) const MOST_LAYERS: usize = 8;
+
 /// A ray in model space relative to the model's origin. Its points are `origin` + depth `direction`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ModelRay {

@@ -40,7 +40,7 @@ pub enum StudioLight {
     Lit,
     /// Its colours show as they are; the lamps shade the ground alone.
     Unlit,
-    /// It has light of its own, as captures have, or is a volume. Neither has a shadow: there is no ground.
+    /// It has light of its own, as captures have, or is a volume. There is no ground for its shadow.
     Own,
 }
 

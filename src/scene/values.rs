@@ -264,6 +264,7 @@ pub struct Source {
 /// animation, the motions in their order, and `place`: `world_from_model` = place * motions (the last one leftmost) *
 /// animation * transform.
 #[derive(Clone, Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a property by itself")]
 pub struct Object {
     /// Name, unique in the scene.
     pub name: String,
@@ -294,6 +295,8 @@ pub struct Object {
     /// It is not seen itself: its opaque surfels show the light that shadows take away, as black with the alpha
     /// 1 - lit / unlit, and hide what is behind them.
     pub shadow_catcher: bool,
+    /// False: it keeps no light from anything, in lights with shadows. Captures keep none from captures anyway.
+    pub casts_shadows: bool,
 }
 
 impl Object {
@@ -318,6 +321,7 @@ impl Object {
             blur: true,
             receive_shadows: true,
             shadow_catcher: false,
+            casts_shadows: true,
             shape: shape.into(),
         }
     }

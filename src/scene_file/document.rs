@@ -80,11 +80,13 @@ pub(super) enum ShapeSpec {
 }
 
 #[derive(Debug)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a property by itself")]
 pub(super) struct ObjectSpec {
     pub(super) name: String,
     pub(super) blur: bool,
     pub(super) receive_shadows: bool,
     pub(super) shadow_catcher: bool,
+    pub(super) casts_shadows: bool,
     /// `None`: as the model says.
     pub(super) two_sided: Option<bool>,
     pub(super) points: PointMotion,
@@ -350,6 +352,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         blur: part.boolean("blur")?,
         receive_shadows: part.boolean("receiveShadows")?,
         shadow_catcher: part.boolean("shadowCatcher")?,
+        casts_shadows: part.boolean("castShadows")?,
         two_sided: part.optional_boolean("twoSided")?,
         points: PointMotion {
             unit: part.choice("velocityUnit")?.map(|word| match word.as_str() {

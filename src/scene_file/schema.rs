@@ -336,6 +336,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         attributes: &[
             row("name", ValueKind::Text, Auto("object1, object2, ... in document order"), "unique name"),
             row("blur", ValueKind::Boolean, Value("true"), "false: posed, with the camera, at the frame number"),
+            row("castShadows", ValueKind::Boolean, Value("true"), "false: it keeps no light from anything"),
             row(
                 "receiveShadows",
                 ValueKind::Boolean,

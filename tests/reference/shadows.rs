@@ -8,7 +8,7 @@ use std::fs;
 
 use glam::{DVec3, Quat, Vec3};
 use splatblur::film::Picture;
-use splatblur::model::{Gaussians, Material, Surfels};
+use splatblur::model::{Gaussians, Material, Optics, Surfels};
 use splatblur::options::{Look, PixelFilter, Shading};
 use splatblur::reference::{Reference, ReferenceOptions, render};
 use splatblur::scene::{Light, Motion, Object, Scene, Sphere};
@@ -436,14 +436,16 @@ fn shadows_depend_on_no_parts_and_threads() {
     assert_parts_and_threads_change_nothing(&busy());
 }
 
-/// See-through surfels neither cast nor receive.
+/// See-through surfels receive no shadows, and what is told to cast none casts none.
 #[test]
 fn light_passes_through_what_is_see_through() {
-    for see_through in [0, 1] {
+    for (see_through, casts, is_darker) in [(0, true, false), (1, false, false), (1, true, true)] {
         let mut objects = vec![floor(), at(disc(DVec3::Y, 1.0), DVec3::Y)];
         objects[see_through].opacity = 0.5;
+        objects[1].casts_shadows = casts;
         let scene = lit(objects, sun(DVec3::new(0.4, -1.0, 0.0), 0.0), EYE * 2.0, DVec3::ZERO);
-        assert!(bits(&picture(&scene)) == bits(&picture(&without_shadows(&scene))), "object {see_through}");
+        let is_lit = bits(&picture(&scene)) == bits(&picture(&without_shadows(&scene)));
+        assert!(is_lit != is_darker, "object {see_through} is see-through, casts: {casts}");
     }
 }
 
@@ -586,4 +588,96 @@ fn sheets_on_a_floor_stay_lit() {
         let scene = lit(objects.to_vec(), sun(DVec3::new(1.0, -1.0, 0.0), 0.0), EYE, DVec3::ZERO);
         assert!(bits(&picture(&scene)) == bits(&picture(&without_shadows(&scene))));
     }
+}
+
+/// A half-plane that lets a share of the light through, and two that overlap.
+#[test]
+fn see_through_planes_let_a_share_through() {
+    let veil = |height: f64, opacity: f64| {
+        let mut veil = half_plane(DOWN, height);
+        veil.opacity = opacity;
+        veil
+    };
+    let angle = 20_f64.to_radians();
+    let all = beside_an_edge(1e9, 4.0, angle);
+    let scene = lit(vec![floor(), veil(4.0, 0.7)], sun(DOWN, 20.0), EYE, DVec3::ZERO);
+    check("veil", &scene, |p| Some(0.3 * all + 0.7 * beside_an_edge(p.x, 4.0, angle)));
+    // Seen from the light, their edges are one: the farther one is shifted by nothing where the light is at the zenith.
+    let scene = lit(vec![floor(), veil(4.0, 0.7), veil(4.001, 0.5)], sun(DOWN, 20.0), EYE, DVec3::ZERO);
+    check("two veils", &scene, |p| Some(0.15 * all + 0.85 * beside_an_edge(p.x, 4.0, angle)));
+}
+
+/// A Gaussian of a capture, and a kernel of a volume, fly through the light: integrals over the time.
+#[test]
+fn gaussians_and_kernels_let_a_share_through() {
+    let (sigma, start, velocity) = (0.4, DVec3::new(-0.5, 8.0, -0.2), DVec3::X);
+    let cloud = |optics, opacity: f64| {
+        Object::new(Gaussians {
+            position: vec![Vec3::ZERO],
+            sigma: vec![Vec3::splat(sigma as f32)],
+            rotation: vec![Quat::IDENTITY],
+            opacity: vec![opacity as f32],
+            base: vec![Vec3::ZERO],
+            linear: true,
+            optics,
+            ..Gaussians::default()
+        })
+    };
+    let depth = 2.0;
+    let capture = cloud(Optics::Alpha, 0.9);
+    let volume = cloud(Optics::Extinction { layer: 0.1 }, depth * TAU * sigma * sigma);
+    // What is fainter than 1/255 counts as nothing.
+    let through_capture = |peak: f64| if 0.9 * peak < 1.0 / 255.0 { 1.0 } else { 1.0 - 0.9 * peak };
+    let through_volume = |peak: f64| (-depth * peak).exp();
+    let ways: [&dyn Fn(f64) -> f64; 2] = [&through_capture, &through_volume];
+    for ((name, object), through) in [("capture", capture), ("volume", volume)].into_iter().zip(ways) {
+        let mut object = at(object, start);
+        object.motions = vec![Motion::Linear { velocity }];
+        let mut scene = lit(vec![floor(), object], sun(DOWN, 0.0), EYE, DVec3::ZERO);
+        (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
+        check(name, &scene, |p| {
+            let light = |i: i32| {
+                let from = p - start - velocity * ((f64::from(i) + 0.5) / 400.0);
+                through((-0.5 * (from.x * from.x + from.z * from.z) / (sigma * sigma)).exp())
+            };
+            Some((0..400).map(light).sum::<f64>() / 400.0)
+        });
+        scene.objects[1].casts_shadows = false;
+        check_lit(&scene);
+    }
+}
+
+/// A capture throws no shadow on captures, itself included; see-through surfels let their share through to it.
+#[test]
+fn captures_receive_no_shadows_of_captures() {
+    let cloud = |place: DVec3, sigma: f64| {
+        at(
+            Object::new(Gaussians {
+                position: vec![Vec3::ZERO, Vec3::Y],
+                sigma: vec![Vec3::splat(sigma as f32); 2],
+                rotation: vec![Quat::IDENTITY; 2],
+                opacity: vec![0.9; 2],
+                base: vec![Vec3::ONE; 2],
+                linear: true,
+                ..Gaussians::default()
+            }),
+            place,
+        )
+    };
+    let (seen, above) = (cloud(DVec3::ZERO, 1.0), cloud(DVec3::Y * 20.0, 1.0));
+    let mut scene = lit(vec![seen, above], sun(DOWN, 0.0), EYE, DVec3::ZERO);
+    check_lit(&scene);
+    let bright = picture(&scene);
+    let mut veil = at(disc(DOWN, WIDE), DVec3::Y * 30.0);
+    veil.opacity = 0.7;
+    scene.objects.push(veil);
+    let dim = picture(&scene);
+    let middle = bright.rgba.len() / 2 + bright.width as usize / 2;
+    let [bright, dim] = [bright.rgba[middle][0], dim.rgba[middle][0]];
+    assert!(bright > 0.1 && (dim / bright - 0.3).abs() < 0.01, "{dim} of {bright}");
+}
+
+/// Nothing is darker than without shadows.
+fn check_lit(scene: &Scene) {
+    assert_eq!(bits(&picture(scene)), bits(&picture(&without_shadows(scene))));
 }

@@ -28,6 +28,7 @@ mod principal;
 mod rendering;
 mod rolling_shutter;
 mod see_through;
+mod see_through_shadows;
 mod sequences;
 mod shadow_receivers;
 mod shadows;

@@ -3,11 +3,11 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 use crate::shadows::{from_above, half_height, on_both, samples, square, white, worst_square};
-use crate::support::{Random, sphere};
+use crate::support::{Random, round_surfels, sphere};
 use glam::{DVec3, Quat, Vec3};
 use splatblur::backend::{Backend, BackendError};
 use splatblur::film::Picture;
-use splatblur::model::Gaussians;
+use splatblur::model::{Gaussians, Optics};
 use splatblur::options::{Detail, Look, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
@@ -16,6 +16,8 @@ use splatblur::scene::{Light, Motion, Object, Scene};
 on_both!(
     a_ball_over_a_capture,
     captures_have_the_shadows_of_the_reference,
+    captures_keep_no_light_from_captures,
+    captures_have_the_light_that_is_left,
     what_nothing_hides_keeps_its_bytes,
     a_catcher_shows_the_light_that_is_gone,
     catchers_that_are_none_are_refused,
@@ -127,6 +129,86 @@ fn captures_have_the_shadows_of_the_reference(on: &mut dyn Backend) {
         let without = worst_square(&render(on, &scene, &RenderOptions { look, ..samples(16) }), &truth);
         println!("{name}: worst {worst:.4}, without shadows {without:.3}");
         assert!(worst < 0.02 && without > 0.1, "{name}: {worst}, without shadows {without}");
+    }
+}
+
+/// A floor, and above the camera that looks at it, in light from straight above: an opaque disc, a see-through one, a
+/// volume, and a capture that is under a part of each.
+fn below_all(floor: Object) -> Scene {
+    let disc = |x: f64, opacity: f64| {
+        let mut disc = white(round_surfels([(DVec3::new(x, 1.4, 0.0), DVec3::Y, 0.12, Vec3::ONE)]));
+        disc.opacity = opacity;
+        disc
+    };
+    let splats = |places: &[(f32, f32)], sigma: f32, opacity: f32, optics| {
+        let mut own = Gaussians { linear: true, optics, ..Gaussians::default() };
+        for &(x, y) in places {
+            own.position.push(Vec3::new(x, y, 0.0));
+            own.sigma.push(Vec3::splat(sigma));
+            own.rotation.push(Quat::IDENTITY);
+            own.opacity.push(opacity);
+            own.base.push(Vec3::ZERO);
+        }
+        Object::new(own)
+    };
+    let volume = splats(&[(0.5, 1.3), (0.55, 1.4)], 0.1, 0.06, Optics::Extinction { layer: 0.1 });
+    let capture = splats(&[(-0.5, 1.0), (-0.1, 1.1), (0.2, 1.0), (0.6, 1.1)], 0.1, 0.9, Optics::Alpha);
+    let mut scene = from_above(vec![floor, disc(-0.5, 1.0), disc(0.0, 0.6), volume, capture], [96, 32]);
+    let sun = Light::Directional { direction: -DVec3::Y, colour: DVec3::ONE, angle: 0.0, shadows: true };
+    scene.lights = vec![Light::Ambient { colour: DVec3::splat(0.25) }, sun];
+    scene
+}
+
+/// The colours of a capture are those in its own shadows: captures throw none on captures, whatever lies behind them.
+/// Surfels, see-through ones too, and volumes do, and a capture throws its shadow on surfels.
+fn captures_keep_no_light_from_captures(on: &mut dyn Backend) {
+    let lamp = Light::Point { position: DVec3::Y * 6.0, colour: DVec3::splat(36.0), radius: 0.0, shadows: true };
+    for light in [None, Some(lamp)] {
+        let scene = |floor: Object, quiet: &[usize]| {
+            let mut scene = below_all(floor);
+            scene.lights[1] = light.unwrap_or(scene.lights[1]);
+            for &object in quiet {
+                scene.objects[object].casts_shadows = false;
+            }
+            scene
+        };
+        let of_capture = || capture(0.05, 0.95, false);
+        let of_surfels = || square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.05);
+        let picture = |on: &mut dyn Backend, scene: &Scene| render(on, scene, &samples(8)).rgba;
+        let all = picture(on, &scene(of_capture(), &[]));
+        assert!(all == picture(on, &scene(of_capture(), &[0, 4])), "captures cast on captures");
+        for caster in 1..4 {
+            assert!(all != picture(on, &scene(of_capture(), &[caster])), "object {caster} casts on captures");
+        }
+        // Without any surfels.
+        let of_volume = |quiet: &[usize]| {
+            let mut scene = scene(of_capture(), quiet);
+            scene.objects.drain(1..3);
+            scene
+        };
+        let by_volume = picture(on, &of_volume(&[]));
+        assert!(by_volume == picture(on, &of_volume(&[0, 4])), "captures cast on captures, without surfels");
+        assert!(by_volume != picture(on, &of_volume(&[3])), "the volume casts without surfels");
+        let on_surfels = picture(on, &scene(of_surfels(), &[]));
+        assert!(on_surfels != picture(on, &scene(of_surfels(), &[4])), "captures cast on surfels");
+    }
+}
+
+/// What reaches a capture through see-through surfels and volumes is what the reference has.
+fn captures_have_the_light_that_is_left(on: &mut dyn Backend) {
+    for (name, floor) in
+        [("capture", capture(0.04, 0.95, true)), ("surfels", square([-1.0, -0.4], [1.0, 0.4], 0.0, 0.02))]
+    {
+        let scene = below_all(floor);
+        let traced = ReferenceOptions { samples: 64, ..ReferenceOptions::default() };
+        let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
+        let picture = render(on, &scene, &samples(256));
+        let worst = worst_square(&picture, &truth);
+        let look = Look { shadows: false, ..Look::default() };
+        let without = worst_square(&render(on, &scene, &RenderOptions { look, ..samples(4) }), &truth);
+        println!("{name}: worst {worst:.4}, without shadows {without:.3}");
+        // Two standard errors where half of the light gets through.
+        assert!(worst < 0.0625 && without > 0.3, "{name}: {worst}, without shadows {without}");
     }
 }
 

@@ -11,7 +11,7 @@ use super::bind_groups::Bound;
 use super::calls::Calls;
 use super::constants::{Digit, constant};
 use super::layout::{DIGIT_BITS, VIEW_BYTES};
-use super::passes::{Per, Program};
+use super::passes::Program;
 use super::pipelines::Constants;
 use super::prepared::Prepared;
 use super::slots::{Slot, TABLE_BYTES};
@@ -144,7 +144,7 @@ impl Binder<'_> {
             if let Own::Model(object, buffer) = of.own
                 && matches!(slot, Slot::Geometry | Slot::Looks)
             {
-                let of_captures = of.kind == Kind::Sorted || row.per == Per::Receivers;
+                let of_captures = frame.objects[object].shape.gaussians().is_some();
                 let models = if of_captures { &prepared.gaussian_buffers } else { &prepared.surfel_buffers };
                 let model = &models[object][buffer];
                 return if slot == Slot::Geometry { model.geometry() } else { model.looks() };

@@ -89,6 +89,8 @@ pub(in crate::backend) fn constant(
         "FACES" => prepared.schedule.shadows.faces as u32,
         "SKY" => u32::from(frame.all_samples().next().is_some_and(|sample| sample.sky.is_some())),
         "TEXELS" => prepared.schedule.shadows.texels as u32,
+        "TEXEL_WORDS" => prepared.schedule.shadows.texel_words as u32,
+        "CAPTURE_WORD" => prepared.schedule.shadows.capture_word as u32,
         "CODED" => u32::from(frame.blending == Some(Blending::Coded)),
         _ if kind == Kind::Sorted => return of_composite(prepared, name),
         _ => return of_sums(kind.channels(prepared), name),

@@ -61,6 +61,7 @@ pub(in crate::backend) enum Program {
     ShadowLayout,
     ShadowDraw,
     ShadowDrawWide,
+    ShadowLayer,
     ShadowSurfels,
     ShadowGaussians,
     ShadowedValues,
@@ -97,8 +98,9 @@ pub(in crate::backend) enum Per {
     WideCasterAndLight,
     /// Some Gaussians that receive shadows, which a table lists in a second uniform.
     Receivers,
-    /// A light with shadows of a view.
+    /// A light with shadows of a view; some texels of it.
     ShadowLight,
+    ShadowTexels,
 }
 
 /// A file of `src/backend/cpu/`, and a function in it.
@@ -189,7 +191,7 @@ use Slot::{
 };
 
 /// All passes, in the order of [`Program`].
-pub(in crate::backend) static TABLE: [Row; 45] = [
+pub(in crate::backend) static TABLE: [Row; 46] = [
     Row {
         kernels: KERNELS,
         ..row(
@@ -478,10 +480,10 @@ pub(in crate::backend) static TABLE: [Row; 45] = [
     ),
     row(
         (Program::ShadowPlanes, "shadow_planes", Stage::Visibility),
-        ("shadows/map.rs", "of"),
+        ("shadows/caster.rs", "of"),
         &[file!("shadows/planes.wgsl")],
         Per::Casters,
-        &[Geometry, Segments, Lights],
+        &[Geometry, Looks, Segments, Lights],
         &[Casters],
     ),
     row(
@@ -506,6 +508,14 @@ pub(in crate::backend) static TABLE: [Row; 45] = [
         &[file!("shadows/draw_wide.wgsl")],
         Per::WideCasterAndLight,
         &[Geometry, Segments, Lights, Casters],
+        &[ShadowMaps],
+    ),
+    row(
+        (Program::ShadowLayer, "shadow_layer", Stage::Visibility),
+        ("shadows/layers.rs", "draw"),
+        &[file!("shadows/layer.wgsl")],
+        Per::ShadowTexels,
+        &[Lights, Casters],
         &[ShadowMaps],
     ),
     row(

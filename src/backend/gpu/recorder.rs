@@ -14,7 +14,7 @@ use super::prepared::Prepared;
 use super::shadow_sizes::DRAWING;
 use super::shadows::shades_captures;
 use super::slots::Slot;
-use super::steps::{DevicePass, Kind, SHADOWS};
+use super::steps::{DevicePass, Kind, SHADOW_LAYER, SHADOWS};
 use super::timestamps::{Marks, Stage};
 use super::upload::{Placed, SurfelDispatch};
 use crate::backend::BackendError;
@@ -23,6 +23,9 @@ use crate::plan::BatchPass;
 /// Digits of a depth, 32 bits. Their sort ends in the first buffers.
 const DIGITS_OF_DEPTH: u32 = u32::BITS.div_ceil(DIGIT_BITS);
 const _: () = assert!(DIGITS_OF_DEPTH.is_multiple_of(2));
+
+/// Most workgroups for the texels of a light.
+const MOST_OF_TEXELS: u64 = 4096;
 
 /// Records a chunk of a frame.
 pub(in crate::backend) struct Recorder<'a> {
@@ -146,7 +149,9 @@ impl<'a> Recorder<'a> {
         let bytes = u64::from(first.views) * shadows.map_bytes();
         self.encoder.clear_buffer(&state.buffers[Slot::ShadowMaps], 0, Some(bytes));
         self.recorded += u64::from(first.views) * shadows.lights * shadows.casters;
-        self.programs((Kind::Paint, 0), &SHADOWS, first)
+        self.programs((Kind::Paint, 0), &SHADOWS, first)?;
+        self.recorded += first.shadow_layers as u64 * u64::from(first.views) * shadows.lights * shadows.casters;
+        self.programs((Kind::Peel, 0), &SHADOW_LAYER.repeat(first.shadow_layers), first)
     }
 
     /// May shadows fall on captures?
@@ -237,7 +242,8 @@ impl<'a> Recorder<'a> {
         calls: &mut Vec<Call>,
     ) -> Result<(), BackendError> {
         let ([x, y], view) = (batch.tiles, batch.view);
-        let shadow_lights = self.binder.prepared.schedule.shadows.lights as u32;
+        let shadows = self.binder.prepared.schedule.shadows;
+        let shadow_lights = shadows.lights as u32;
         // What does not write the film is bound once for all parts of it.
         let film = if program.row().writes.contains(&Slot::Film) { film } else { 0 };
         let mut add = |own: Own, offsets: Vec<u32>, workgroups: Workgroups| {
@@ -258,7 +264,8 @@ impl<'a> Recorder<'a> {
                     Per::CasterAndLight => [WORKGROUP_SURFELS / DRAWING, shadow_lights],
                     _ => [WORKGROUP_SURFELS, shadow_lights],
                 };
-                for &SurfelDispatch { object, buffer, table, workgroups } in &batch.casters {
+                let casters = if kind == Kind::Peel { &batch.veils } else { &batch.casters };
+                for &SurfelDispatch { object, buffer, table, workgroups } in casters {
                     let groups = [workgroups, of_block[0], of_block[1]];
                     add(Own::Model(object, buffer), vec![view, table], Workgroups::These(groups))?;
                 }
@@ -271,6 +278,10 @@ impl<'a> Recorder<'a> {
                 Ok(())
             }
             Per::ShadowLight => add(own, vec![view], Workgroups::These([shadow_lights, batch.views, 1])),
+            Per::ShadowTexels => {
+                let texels = shadows.room().div_ceil(256).min(MOST_OF_TEXELS);
+                add(own, vec![view], Workgroups::These([texels as u32, shadow_lights, batch.views]))
+            }
             Per::Stretch => [view]
                 .iter()
                 .chain(&batch.later)

@@ -5,6 +5,7 @@ use glam::Vec3;
 use crate::backend::BackendError;
 use crate::backend::cpu::shadows::fit::{MORE_TEXELS, SHARE_OF_MORE, SLICES, with_borders};
 use crate::backend::cpu::shadows::most_texels;
+use crate::backend::cpu::shadows::splats::reaches;
 use crate::frame::{Frame, FrameObject, PosedSample};
 use crate::shading::ShadingLight;
 
@@ -23,6 +24,18 @@ const MOST_LIGHTS: u64 = 3 * LIGHTS_OF_MASK;
 /// Faces of the cube around a point.
 const FACES: u64 = 6;
 
+/// Casters whose room a Gaussian takes, with its disc.
+pub(in crate::backend) const CASTERS_OF_GAUSSIAN: u64 = 3;
+/// Bits of a number of a caster, above which layers are counted (`shaders/shadows/maps.wgsl`).
+pub(in crate::backend) const LAYERS_SHIFT: u32 = 28;
+/// Most surfels that receive or cast: their numbers begin at 1.
+const MOST_CASTERS: u64 = (1 << LAYERS_SHIFT) - 1;
+
+/// Do the surfels of an object let a part of the light through, and cast?
+pub(in crate::backend) fn casts_in_layers(object: &FrameObject) -> bool {
+    object.see_through && object.casts_shadows && object.has_surfels()
+}
+
 /// What the shadows of a group take; nothing where no light has any.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::backend) struct ShadowSizes {
@@ -31,7 +44,11 @@ pub(in crate::backend) struct ShadowSizes {
     pub faces: u64,
     /// Texels that all maps of a light are to have together.
     pub texels: u64,
-    /// Opaque surfels.
+    /// Words of a texel: three where any see-through surfels cast, else one; and the number of one more, for captures,
+    /// where any casts (`shaders/shadows/maps.wgsl`).
+    pub texel_words: u64,
+    pub capture_word: u64,
+    /// Surfels that receive or cast, and [`CASTERS_OF_GAUSSIAN`] for each Gaussian.
     pub casters: u64,
 }
 
@@ -52,12 +69,25 @@ impl ShadowSizes {
             return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
         }
         let faces = if shadows().any(|light| matches!(light, ShadingLight::Point { .. })) { FACES } else { 1 };
-        let models = frame.objects.iter().filter(|object| !object.see_through).filter_map(|o| o.shape.surfels());
-        let casters = models.map(|model| model.surfels().len() as u64).sum();
-        let room = (most_bytes / 4 / lights).saturating_sub(faces * SLICES as u64 * MAP_WORDS);
+        let takes_part = |object: &&FrameObject| !object.see_through || object.casts_shadows;
+        let models = frame.objects.iter().filter(takes_part).filter_map(|o| o.shape.surfels());
+        let surfels: u64 = models.map(|model| model.surfels().len() as u64).sum();
+        let captures =
+            frame.objects.iter().filter(|object| frame.casts_splats(object)).filter_map(|o| o.shape.gaussians());
+        let gaussians: u64 = captures.map(|model| model.gaussians().len() as u64).sum();
+        let casters = surfels + CASTERS_OF_GAUSSIAN * gaussians;
+        if casters >= MOST_CASTERS {
+            let what = "the GPU backend has, of so many surfels,";
+            return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
+        }
+        let has_layers = frame.objects.iter().any(casts_in_layers);
+        let of_layers = if has_layers { 3 } else { 1 };
+        let has_captures = frame.objects.iter().any(|object| frame.casts_splats(object) && !object.is_volume());
+        let (texel_words, capture_word) = if has_captures { (of_layers + 1, of_layers) } else { (of_layers, 0) };
+        let room = (most_bytes / 4 / lights).saturating_sub(faces * SLICES as u64 * MAP_WORDS) / texel_words;
         let room = room.saturating_sub(MORE_TEXELS) / (SHARE_OF_MORE + 1) * SHARE_OF_MORE;
         let texels = most_texels(frame).min(most_texels_of_light).min(room);
-        let sizes = Self { lights, faces, texels, casters };
+        let sizes = Self { lights, faces, texels, texel_words, capture_word, casters };
         if sizes.caster_bytes() > most_bytes || texels == 0 {
             let what = "the GPU backend has, of so many surfels and lights,";
             return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
@@ -67,11 +97,11 @@ impl ShadowSizes {
 
     /// Bytes of the maps of a group.
     pub(in crate::backend) const fn map_bytes(&self) -> u64 {
-        4 * self.lights * (self.faces * SLICES as u64 * MAP_WORDS + self.room())
+        4 * self.lights * (self.faces * SLICES as u64 * MAP_WORDS + self.texel_words * self.room())
     }
 
     /// Texels of a light that there is room for.
-    const fn room(&self) -> u64 {
+    pub(in crate::backend) const fn room(&self) -> u64 {
         if self.lights == 0 { 0 } else { with_borders(self.texels) }
     }
 
@@ -107,7 +137,7 @@ impl Extents {
             if let Some((gaussians, _)) = object.drawn().filter(|_| object.receives) {
                 return Extent { length: most(&gaussians.position), ..Extent::default() };
             }
-            let Some(model) = object.shape.surfels().filter(|_| !object.see_through) else { return Extent::default() };
+            let Some(model) = object.shape.surfels() else { return Extent::default() };
             let surfels = model.surfels();
             let axes = most(&surfels.axis_u) + most(&surfels.axis_v);
             Extent { length: most(&surfels.position) + axes, columns: model.paths().columns.map(most) }
@@ -125,6 +155,6 @@ impl Extents {
                 linear.x_axis.length_squared() + linear.y_axis.length_squared() + linear.z_axis.length_squared();
             frame.place_of(object, sample).length() + stretch.sqrt() * (extent.length + moved)
         });
-        lengths.filter(|length| length.is_finite()).fold(frame.near, f32::max)
+        lengths.chain(reaches(frame, sample)).filter(|length| length.is_finite()).fold(frame.near, f32::max)
     }
 }

@@ -99,6 +99,9 @@ fn splat_values(frame: &Frame) -> Vec<Program> {
     }
 }
 
+/// What draws a layer of see-through surfels onto them.
+pub(super) const SHADOW_LAYER: [Program; 3] = [Program::ShadowDraw, Program::ShadowDrawWide, Program::ShadowLayer];
+
 /// A pass of a step that works on batches of surfels.
 pub(in crate::backend) trait DevicePass: TilePass {
     /// Its programs for a batch of several, in order.

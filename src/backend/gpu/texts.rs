@@ -21,6 +21,7 @@ pub(super) const INCLUDES: &str = "// Includes:";
 pub(super) const FILES: &[File] = files![
     "common/at_once.wgsl",
     "common/bounds.wgsl",
+    "common/chance.wgsl",
     "common/channels.wgsl",
     "common/depths.wgsl",
     "common/entries.wgsl",
@@ -61,6 +62,7 @@ pub(super) const FILES: &[File] = files![
     "shadows/maps.wgsl",
     "shadows/posed.wgsl",
     "shadows/receive.wgsl",
+    "shadows/splats.wgsl",
     "shadows/stamp.wgsl",
     "swept/slices.wgsl",
     "swept/sums.wgsl",

@@ -13,7 +13,7 @@ use super::job::Job;
 use super::layout::{
     CaptureSegment, Light, Segment, UNIFORM_STRIDE, VIEW_BYTES, View, WORKGROUP_SURFELS, WORKGROUPS, lights,
 };
-use super::shadows::{caster_segments, light_views, receiver_segments};
+use super::shadows::{caster_segments, layers, light_views, receiver_segments};
 use super::slots::{Slot, TABLE_BYTES};
 use crate::backend::BackendError;
 use crate::frame::PosedSample;
@@ -37,8 +37,10 @@ pub(in crate::backend) struct Placed {
     pub shares_rest: bool,
     /// What makes its splats.
     pub surfels: Vec<SurfelDispatch>,
-    /// What casts shadows: of the first batch of a group.
+    /// What receives or casts shadows: of the first batch of a group. What of it is see-through, and its layers.
     pub casters: Vec<SurfelDispatch>,
+    pub veils: Vec<SurfelDispatch>,
+    pub shadow_layers: usize,
     /// The captures that receive shadows: of the first batch of a group.
     pub receivers: Vec<SurfelDispatch>,
     /// Where the background behind what is transparent is, bytes.
@@ -210,7 +212,7 @@ impl Upload {
     fn place_parts(&mut self, parts: &[Part<'_>], entries: u64) -> Placed {
         let mut placed = Placed { views: parts.len() as u32, ..Placed::default() };
         let mut views = Vec::new();
-        let [mut tables, mut casters, mut receivers] = [0; 3].map(|_| Tables::default());
+        let [mut tables, mut casters, mut veils, mut receivers] = [0; 4].map(|_| Tables::default());
         for (number, part) in parts.iter().enumerate() {
             let &Part { job, batch, of_group, is_whole, resumes, first_turn, rest } = part;
             // What is alone in its group is posed as in the middle.
@@ -249,8 +251,12 @@ impl Upload {
                 tables.add([*object, *buffer], index, segment.surfels);
             }
             // All batches of a group have the same shadows.
-            if !resumes {
-                of_group.casters.iter().for_each(|(&buffer, &(index, surfels))| casters.add(buffer, index, surfels));
+            for (&buffer, &(index, surfels)) in of_group.casters.iter().filter(|_| !resumes) {
+                casters.add(buffer, index, surfels);
+                if frame.objects[buffer[0]].see_through {
+                    veils.add(buffer, index, surfels);
+                    placed.shadow_layers = placed.shadow_layers.max(layers(job));
+                }
             }
             for (segment, object, buffer) in if resumes { Vec::new() } else { receiver_segments(job) } {
                 let index = self.add_capture(&CaptureSegment { view: number as u32, ..segment });
@@ -272,6 +278,7 @@ impl Upload {
         placed.later = (1..stretches).map(|stretch| self.add_views(&of_stretch(stretch))).collect();
         placed.surfels = self.add_tables(&tables);
         placed.casters = self.add_tables(&casters);
+        placed.veils = self.add_tables(&veils);
         placed.receivers = self.add_tables(&receivers);
         placed
     }

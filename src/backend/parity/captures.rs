@@ -36,7 +36,7 @@ fn layer(n: usize, seed: u64) -> Gaussians {
 }
 
 /// `n` kernels of a volume in a cube, of all sizes, with `normals` for lights or without. Layers are `layer` deep.
-fn volume(n: usize, seed: u64, layer: f32, normals: bool) -> Gaussians {
+pub(super) fn volume(n: usize, seed: u64, layer: f32, normals: bool) -> Gaussians {
     let mut random = Random(seed);
     let mut out = cloud(n, seed, 0, true);
     out.optics = Optics::Extinction { layer };

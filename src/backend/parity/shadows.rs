@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Quat, Vec3};
 
+use super::captures::{cloud, volume};
 use super::cases::{Case, ball, object, scene, surroundings};
 use super::gpu_or_skip;
 use super::mutants::{Mutant, all_are_noticed, named};
@@ -12,7 +13,7 @@ use crate::backend::gpu::Gpu;
 use crate::model::{Gaussians, Surfels};
 use crate::options::{Look, Prefilter, RenderOptions, Shading};
 use crate::renderer::render_checked;
-use crate::scene::{Light, Motion, Scene};
+use crate::scene::{Light, Motion, Object, Scene, Shape};
 use crate::time::FrameNumber;
 
 /// A disc that faces up.
@@ -53,6 +54,11 @@ fn capture() -> Gaussians {
     floor
 }
 
+/// The case of a name.
+fn case_of<'a>(cases: &'a mut [Case], name: &str) -> &'a mut Case {
+    cases.iter_mut().find(|case| case.name == name).unwrap()
+}
+
 fn cases() -> Vec<Case> {
     let sun = Light::directional(DVec3::new(-0.5, -1.0, -0.3).normalize(), DVec3::splat(0.6));
     let lamp = Light::point(DVec3::new(0.3, 1.2, -1.0), DVec3::splat(0.8));
@@ -81,23 +87,30 @@ fn cases() -> Vec<Case> {
         case("deaf", &[sun, lamp], Shading::Phong, Prefilter::Ewa),
         case("deaf surfels", &[sun, lamp], Shading::Gouraud, Prefilter::None),
         case("sky", &[], Shading::Phong, Prefilter::None),
+        case("layers", &[lamp, sun], Shading::Phong, Prefilter::None),
+        case("casting capture", &[lamp, sun], Shading::Phong, Prefilter::None),
+        case("casting volume", &[sun, lamp], Shading::Phong, Prefilter::None),
+        case("both captures", &[fill, sun, lamp], Shading::Phong, Prefilter::None),
     ];
-    for (case, motion) in [(7, DVec3::ZERO), (8, DVec3::new(0.1, 0.0, 0.3))] {
-        cases[case].scene.objects[0] = object(capture(), DVec3::new(0.0, -0.8, -1.6));
-        cases[case].scene.objects[0].motions = vec![Motion::Linear { velocity: motion }];
+    for (name, motion) in [("capture", DVec3::ZERO), ("capture, bucket", DVec3::new(0.1, 0.0, 0.3))] {
+        let case = case_of(&mut cases, name);
+        case.scene.objects[0] = object(capture(), DVec3::new(0.0, -0.8, -1.6));
+        case.scene.objects[0].motions = vec![Motion::Linear { velocity: motion }];
     }
-    cases[8].options.quality = "bucket:2x3".parse().unwrap();
-    cases[9].scene.objects[0].shadow_catcher = true;
-    for case in [10, 11] {
-        cases[case].scene.objects[0].receive_shadows = false;
+    let in_bucket = case_of(&mut cases, "capture, bucket");
+    in_bucket.options.quality = "bucket:2x3".parse().unwrap();
+    // Light without shadows from all around is a part of all light.
+    in_bucket.scene.environment = Some(surroundings());
+    case_of(&mut cases, "catcher").scene.objects[0].shadow_catcher = true;
+    for name in ["deaf", "deaf surfels"] {
+        case_of(&mut cases, name).scene.objects[0].receive_shadows = false;
     }
     // Of a sky a catcher needs the light of all directions.
-    cases[12].scene.objects[0].shadow_catcher = true;
-    cases[12].scene.environment = Some(surroundings().lighting());
+    let sky = case_of(&mut cases, "sky");
+    sky.scene.objects[0].shadow_catcher = true;
+    sky.scene.environment = Some(surroundings().lighting());
     // Some of so many directions come from above.
-    cases[12].options.quality = "supersample:12".parse().unwrap();
-    // Light without shadows from all around is a part of all light.
-    cases[8].scene.environment = Some(surroundings());
+    sky.options.quality = "supersample:12".parse().unwrap();
     cases.extend([
         swept("swept", "volumetric:3", Shading::Phong, Prefilter::None),
         swept("swept, filtered", "volumetric:2+kernel=ellipsoid", Shading::Gouraud, Prefilter::Ewa),
@@ -123,15 +136,40 @@ fn cases() -> Vec<Case> {
         held("held, swept", "volumetric:2", Shading::Gouraud, [true, false, true]),
     ]);
     // Turns by much within a bucket.
-    let turns = cases.iter_mut().find(|case| case.name == "surfels, bucket").unwrap();
-    turns.scene.objects[1].motions.insert(
+    case_of(&mut cases, "surfels, bucket").scene.objects[1].motions.insert(
         0,
         Motion::Rotation { axis: DVec3::new(0.3, 1.0, 0.5).normalize(), per_frame: 2.0, centre: DVec3::ZERO },
     );
-    cases[5].scene.objects[1].opacity = 0.5;
+    case_of(&mut cases, "glass").scene.objects[1].opacity = 0.5;
+    // A ball of surfels that have their own opacities, in the light of a point, and one that casts nothing.
+    let layers = &mut case_of(&mut cases, "layers").scene.objects;
+    let mut own = ball(900, 1, true);
+    own.opacity = (0..900).map(|i| 0.1 + 0.001 * i as f32).collect();
+    layers[1] = Object { opacity: 0.9, motions: layers[1].motions.clone(), ..object(own, DVec3::new(-0.6, 0.2, -1.5)) };
+    layers[2].casts_shadows = false;
+    // A capture and a volume in motion beside a ball, above the floor.
+    for (name, lit) in [("casting capture", false), ("casting volume", true)] {
+        let objects = &mut case_of(&mut cases, name).scene.objects;
+        objects[1].shape = if lit { volume(200, 5, 0.1, true) } else { cloud(200, 4, 0, true) }.into();
+        objects[1].transform.translate.y = 0.4;
+        objects[1].opacity = 0.8;
+        let (Shape::Gaussians { model, .. } | Shape::Volume { model, .. }) = &mut objects[1].shape else { panic!() };
+        model.crop = Some([DVec3::new(-0.9, -0.9, -0.9), DVec3::new(0.9, 0.8, 0.9)]);
+    }
+    // A capture on which a ball, see-through, and a volume throw shadows, but no capture; all of them before a floor.
+    let objects = &mut case_of(&mut cases, "both captures").scene.objects;
+    objects[2].opacity = 0.6;
+    objects.push(object(capture(), DVec3::new(0.0, -0.7, -1.6)));
+    for (x, shape) in [(-0.7, Shape::from(cloud(200, 4, 0, true))), (0.2, volume(100, 5, 0.1, true).into())] {
+        let mut above = Object::new(shape);
+        above.transform.translate = DVec3::new(x, 0.3, -1.2);
+        above.transform.scale = DVec3::splat(0.6);
+        objects.push(above);
+    }
     // A disc alone, whose rim no other covers.
-    cases[6].scene.objects[1] = object(disc(0.9), DVec3::new(0.3, 0.1, -1.8));
-    (cases[6].scene.image.width, cases[6].scene.image.height) = (240, 180);
+    let wide = &mut case_of(&mut cases, "wide").scene;
+    wide.objects[1] = object(disc(0.9), DVec3::new(0.3, 0.1, -1.8));
+    (wide.image.width, wide.image.height) = (240, 180);
     cases
 }
 
@@ -161,13 +199,16 @@ fn shadows_are_the_cpus() {
     }
 }
 
-static MUTANTS: [Mutant; 32] = [
+static MUTANTS: [Mutant; 49] = [
     ([("raise(map + 4u, ~key_of(depth))", "raise(map + 4u, ~key_of(9.0 * depth))")], "capture"),
     ([("taken += radiance", "taken += 0.5 * radiance")], "capture"),
     ([("from_linear(left * to_linear(shown))", "left * shown")], "capture"),
     ([("4.0 * light.colour.xyz", "light.colour.xyz")], "capture, bucket"),
     ([("return 1.0 - receives * (1.0 - seen)", "return seen")], "deaf"),
     ([("(shadows >> 1u)", "(shadows >> 2u)")], "catcher"),
+    ([("- 1u, place, true)", "- 1u, place, false)")], "both captures"),
+    ([("CAPTURE_WORD == 0u || of_capture", "true")], "casting capture"),
+    ([("at = texel + CAPTURE_WORD * room(); }", "at = texel; }")], "both captures"),
     ([("end < others", "end > others")], "sun"),
     ([("there, number + 1u)", "there, number)")], "sun"),
     ([("max(segment.epsilon, rounding) / cosine", "0.0 / cosine")], "sun"),
@@ -179,16 +220,30 @@ static MUTANTS: [Mutant; 32] = [
     ([("it.low - of_light.jitter * texel", "it.low - 9.0 * of_light.jitter * texel")], "sun"),
     ([("vec2<u32>(FEW, MANY), lane", "vec2<u32>(FEW, FEW), lane")], "both"),
     ([("lights[slice_at(light, face, slice)]", "lights[slice_at(light, face, 0u)]")], "sun"),
+    ([("opacity / least", "2.0 * opacity / least")], "casting capture"),
+    ([("depth / least", "2.0 * depth / least")], "casting volume"),
+    ([("segment.rate[1].xyz", "-segment.rate[0].xyz")], "casting capture"),
+    ([("mixed(segment.buffer_start + index)", "mixed(index + 1u)")], "casting capture"),
+    ([("segment.normal[1].w / (TAU", "1.0 / (TAU")], "casting volume"),
+    ([("up * (xy / root)", "up * (-xy / root)")], "casting capture"),
+    ([("chance < casters", "chance < 0.9 * casters")], "layers"),
+    ([("before + 1u", "before + 0u")], "layers"),
+    ([("end - moved, end * moved", "end, end")], "layers"),
+    ([("!(distance > end_of", "(distance > end_of")], "layers"),
+    ([("looks[before + segment", "looks[before + 1u + segment")], "layers"),
+    ([("segment.normal[0].w * own", "own")], "glass"),
+    ([("segment.flags & CASTS", "segment.flags | CASTS")], "layers"),
+    ([("segment.flags & IS_RECEIVER", "segment.flags & CASTS")], "layers"),
     ([("(view.number * SHADOW_LIGHTS + light) * view.casters", "light * view.casters")], "sun"),
     ([("(view.number * SHADOW_LIGHTS + light) * (FACES", "light * (FACES")], "sun"),
     ([("u32(light.colour.w) - 1u, in_world", "0u, in_world")], "both"),
     ([("(number % LIGHTS_OF_MASK)) & 1u", "((number + 1u) % LIGHTS_OF_MASK)) & 1u")], "surfels"),
-    ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "surfels"),
+    ([("if is_lit(light, place, false) { mask |=", "if !is_lit(light, place, false) { mask |=")], "surfels"),
     ([("at - high * depth > radius", "at - high * depth > -9.0 * radius")], "sun"),
     ([("normal.z * towards.z > 0.0", "normal.z * towards.z > 0.3")], "both"),
     ([("(2u + DEPTH_SLICES) * (light * FACES + face)", "(2u + DEPTH_SLICES) * (light * FACES)")], "lamp"),
-    ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "swept"),
-    ([("if is_lit(light, place) { mask |=", "if !is_lit(light, place) { mask |=")], "published"),
+    ([("if is_lit(light, place, false) { mask |=", "if !is_lit(light, place, false) { mask |=")], "swept"),
+    ([("if is_lit(light, place, false) { mask |=", "if !is_lit(light, place, false) { mask |=")], "published"),
     ([("segment = segments[segment.middle]", "segment = segments[segment.index]")], "surfels, bucket"),
     ([("apply_linear(now, centre) + origin", "apply(now, centre)")], "surfels, bucket"),
     ([("sums[sum_at + HELD * TILE_PIXELS] * inverse > 0.5", "false")], "held"),

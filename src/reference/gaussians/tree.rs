@@ -14,6 +14,9 @@ use crate::scene::Drawing;
 /// Least alpha that shows.
 pub(in crate::reference) const LEAST_ALPHA: f64 = 1.0 / 255.0;
 
+/// Greatest alpha of one Gaussian.
+pub(in crate::reference) const MOST_ALPHA: f64 = 0.99;
+
 /// Children of a node.
 const WIDTH: usize = 8;
 

@@ -13,7 +13,7 @@ use super::beam::{Beam, BeamRay};
 use super::colour::colour;
 use super::place::ModelPlace;
 use super::sight::{BATCH, GaussianBatch, Seen as SeenBatch, Sight, look};
-use super::tree::LEAST_ALPHA;
+use super::tree::{LEAST_ALPHA, MOST_ALPHA};
 use crate::film::Aov;
 use crate::math::norm;
 use crate::reference::composite::{Composite, OPAQUE};
@@ -24,9 +24,6 @@ use crate::reference::shadows::Shadows;
 use crate::reference::trace::{SamplePoint, Seen};
 use crate::reference::volumes::march::March;
 use crate::scene::pose::object_velocity;
-
-/// Greatest alpha of one Gaussian.
-const MOST_ALPHA: f64 = 0.99;
 
 /// Variance that is added on the screen, pixels^2.
 const DILATION: f64 = 0.3;

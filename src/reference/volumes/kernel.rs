@@ -7,7 +7,7 @@ use crate::reference::gaussians::tree::Placed;
 use crate::scene::Drawing;
 
 /// Standard deviations from its centre within which a kernel counts. Beyond it has 1.5e-8 of its peak.
-pub(super) const REACH: f64 = 6.0;
+pub(in crate::reference) const REACH: f64 = 6.0;
 
 /// A kernel that can be seen.
 #[derive(Clone, Copy, Debug)]

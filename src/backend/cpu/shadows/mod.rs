@@ -1,6 +1,6 @@
 //! Shadow maps: what each light with shadows sees at a time sample, and whether it sees a place.
 //!
-//! In: the posed surfels of all opaque objects, seen by the camera or not. Out: for each light, maps of the depth at
+//! In: the posed surfels of all objects that cast, seen by the camera or not. Out: for each light, maps of the depth at
 //! which its light ends. Order-free. Math: docs/math.md, section 17.
 //!
 //! A map keeps the surfel whose plane, moved away from the light by the depth tolerance of its object, comes first in a
@@ -8,28 +8,35 @@
 //! however oblique the light is. Each time sample has other points on lights, and grids of maps that begin elsewhere:
 //! edges of shadows converge with the samples, without a filter.
 
+mod caster;
 mod cells;
 pub(in crate::backend) mod centres;
 pub(in crate::backend) mod fit;
+mod layers;
 pub(in crate::backend) mod map;
 mod moved;
 mod run;
+pub(in crate::backend) mod splats;
 pub(in crate::backend) mod view;
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
+use self::caster::{Caster, Onto};
 use self::centres::Centres;
 use self::fit::{Fit, SLICES, slice_of, with_borders};
-use self::map::{Caster, Onto, ShadowMap};
+use self::layers::Layers;
+use self::map::ShadowMap;
 pub(in crate::backend) use self::moved::Moved;
 use self::run::Run;
+use self::splats::{Disc, Splats};
 use self::view::LightView;
 use super::tiles::{LANES, Lanes};
 use crate::backend::clusters::Clusters;
 use crate::frame::{Frame, PosedSample, Raster};
-use crate::sampling::hash;
+use crate::plan::LAYERS;
+use crate::sampling::{self, hash};
 use crate::shading::ShadingLight;
 
 /// Most texels of all maps of a light for each pixel of the image; and the least such number.
@@ -74,7 +81,16 @@ impl Shadows {
         let surfels: usize = frame.objects.iter().filter_map(|o| o.shape.surfels()).map(|m| m.surfels().len()).sum();
         // A surfel is on the maps of a few slices, and in a few lists of each.
         let of_surfel = (CASTER_MAPS * (size_of::<Caster>() + 2 * size_of::<u32>())) as u64;
-        let maps = with_borders(most_texels(frame)) * ShadowMap::BYTES_OF_TEXEL + surfels as u64 * of_surfel;
+        let of_layers = if frame.has_see_through() { Layers::BYTES_OF_TEXEL } else { 0 };
+        let of_captures = frame.objects.iter().any(|object| frame.casts_splats(object) && !object.is_volume());
+        let of_texel = ShadowMap::BYTES_OF_TEXEL * (1 + u64::from(of_captures)) + of_layers;
+        let gaussians: usize =
+            frame.objects.iter().filter_map(|o| o.shape.gaussians()).map(|m| m.gaussians().len()).sum();
+        let of_gaussian = of_surfel + size_of::<Disc>() as u64;
+        let maps = with_borders(most_texels(frame)) * of_texel
+            + surfels as u64 * of_surfel
+            // Half of them are drawn, if so many.
+            + gaussians as u64 / 2 * of_gaussian;
         lights * maps
     }
 
@@ -91,22 +107,24 @@ impl Shadows {
         self.near = frame.near;
         self.back = sample.world_from_camera.z_axis;
         let runs = Run::all(frame, sample, clusters);
-        if runs.is_empty() {
+        let casts_any = splats::reaches(frame, sample).next().is_some();
+        if runs.is_empty() && !casts_any {
             self.lights.extend(sample.lights.iter().map(|_| None));
             return;
         }
         let centres = Centres::all(frame, sample);
         let right = sample.world_from_camera.x_axis;
         let lengths = runs.iter().map(|run| run.middle.length() + run.reach);
-        let lengths = lengths.chain(centres.iter().map(Centres::extent));
+        let lengths = lengths.chain(centres.iter().map(Centres::extent)).chain(splats::reaches(frame, sample));
         let extent = lengths.filter(|length| length.is_finite()).fold(frame.near, f32::max);
         for (number, light) in (0..).zip(&sample.lights) {
             let Some(views) = LightView::of(light, right, extent) else {
                 self.lights.push(None);
                 continue;
             };
+            let splats = Splats::all(frame, sample, &views[0], number);
             let fit = Fit::of(&runs, &centres, &views, sample, raster, frame);
-            let jitter = jitter(sample, number);
+            let (jitter, chances) = (jitter(sample, number), chances(frame, sample, number));
             let areas = fit.areas(raster.focal * frame.stride as f32, most_texels(frame), jitter);
             let mut maps = Vec::with_capacity(areas.len());
             for (at, area) in areas.iter().enumerate() {
@@ -114,7 +132,8 @@ impl Shadows {
                 if area.size[0] > 0 {
                     map = self.spare.pop().unwrap_or_default();
                     let (view, ground) = (&views[at / SLICES], &fit.grounds[at / SLICES]);
-                    map.draw(&Onto { area, view, cells: &fit.cells[at], ground }, &runs);
+                    let onto = Onto { area, view, cells: &fit.cells[at], ground, chances: &chances };
+                    map.draw(&onto, &runs, &splats);
                 }
                 maps.push(map);
             }
@@ -122,13 +141,13 @@ impl Shadows {
         }
     }
 
-    /// Does the light with this number reach `place`, relative to the eye in world axes, which lies at `depth` before
-    /// the camera?
-    pub(in crate::backend) fn reaches(&self, number: usize, place: Vec3, depth: f32) -> bool {
+    /// Does the light with this number reach `place` of a capture, relative to the eye in world axes, which lies at
+    /// `depth` before the camera? No capture keeps it away.
+    pub(in crate::backend) fn reaches_captures(&self, number: usize, place: Vec3, depth: f32) -> bool {
         let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return true };
         let view = LightView::facing(views, place);
         let map = &maps[view * SLICES + slice_of(depth, self.near)];
-        map.lights(views[view].on_plane(place), place, views[0].is_point)
+        map.lights_captures(views[view].on_plane(place), place, views[0].is_point)
     }
 
     /// Empties it; its memory stays.
@@ -214,6 +233,17 @@ pub(in crate::backend) fn most_texels(frame: &Frame) -> u64 {
 pub(in crate::backend) fn jitter(sample: &PosedSample, light: u64) -> [f32; 2] {
     let seed = sample.time.to_bits() ^ sample.number.rotate_left(40);
     [0, 1].map(|d| hash(seed, 2 * light + d) as f32 / 4_294_967_296.0)
+}
+
+/// Numbers in [0, 1), one for each layer of see-through surfels on the maps of a light: a layer stops the light of the
+/// sample if its opacity is above that. A picture of one sample has no mean: 1/2.
+pub(in crate::backend) fn chances(frame: &Frame, sample: &PosedSample, light: u64) -> [f32; LAYERS as usize] {
+    if frame.groups().nth(1).is_none() {
+        return [0.5; LAYERS as usize];
+    }
+    // Classes of pixels differ in the upper half.
+    let seed = hash(sample.number >> 32, light);
+    sampling::chances(sample.number as u32, seed)
 }
 
 #[cfg(test)]

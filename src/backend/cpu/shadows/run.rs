@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::view::LightView;
 use crate::backend::clusters::{CLUSTER_SURFELS, Cluster, Clusters};
-use crate::frame::{Frame, PosedObject, PosedSample};
+use crate::frame::{Frame, FrameObject, PosedObject, PosedSample};
 use crate::model::Surfels;
 use crate::model::paths::Paths;
 
@@ -17,11 +17,15 @@ pub(super) const RUN: usize = CLUSTER_SURFELS;
 /// Angle between normals below which a run is flat, radians.
 const SPREAD_OF_FLAT: f32 = 0.02;
 
-/// Some surfels of an opaque object at a time sample.
+/// Some surfels of an object at a time sample.
 pub(super) struct Run<'a> {
     pub object: &'a PosedObject,
     /// The origin of its model relative to the eye, world axes.
     origin: Vec3,
+    /// Do they keep light from anything?
+    pub casts: bool,
+    /// Factor on their opacities; `None`: they are opaque. These alone receive shadows.
+    pub opacity: Option<f32>,
     surfels: &'a Surfels,
     paths: Paths<'a>,
     /// Number of the first one, and how many there are.
@@ -40,11 +44,13 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// All that are visible, as far as their objects are. `clusters`: one for each object.
+    /// All that are visible, as far as their objects are: opaque ones before those that are see-through. `clusters`:
+    /// one for each object.
     pub(super) fn all(frame: &'a Frame, sample: &'a PosedSample, clusters: &[Arc<Clusters>]) -> Vec<Self> {
-        let of = |is_static| frame.visible_surfels(sample, is_static, false);
-        let runs = of(true).chain(of(false)).flat_map(|(index, model)| {
-            let posed = (&sample.objects[index], frame.place_of(index, sample));
+        let of = |is_static, see_through| frame.visible_surfels(sample, is_static, see_through);
+        let all = of(true, false).chain(of(false, false)).chain(of(true, true)).chain(of(false, true));
+        let runs = all.flat_map(|(index, model)| {
+            let posed = (&frame.objects[index], &sample.objects[index], frame.place_of(index, sample));
             let (paths, clusters) = (model.paths(), clusters.get(index));
             (0..model.surfels().len()).step_by(RUN).map(move |first| {
                 let known = clusters.filter(|_| paths.is_empty()).and_then(|clusters| clusters.get(first / RUN));
@@ -53,14 +59,14 @@ impl<'a> Run<'a> {
         });
         let runs: Vec<_> = runs.collect();
         let of = |run| {
-            let (posed, surfels, paths, first, known): (_, &'a Arc<Surfels>, _, _, _) = run;
-            Self::of(posed, surfels, paths, first, known)
+            let (object, surfels, paths, first, known): (_, &'a Arc<Surfels>, _, _, _) = run;
+            Self::of(object, surfels, paths, first, known)
         };
         runs.into_par_iter().map(of).collect()
     }
 
     fn of(
-        (posed, origin): (&'a PosedObject, Vec3),
+        (object, posed, origin): (&FrameObject, &'a PosedObject, Vec3),
         surfels: &'a Surfels,
         paths: Paths<'a>,
         first: usize,
@@ -80,6 +86,8 @@ impl<'a> Run<'a> {
         Self {
             object: posed,
             origin,
+            casts: object.casts_shadows,
+            opacity: object.see_through.then_some(object.opacity),
             surfels,
             paths,
             first,
@@ -106,6 +114,12 @@ impl<'a> Run<'a> {
     /// Axes of surfel `i` in the model.
     fn axes(&self, i: usize) -> [Vec3; 2] {
         [self.surfels.axis_u[self.first + i], self.surfels.axis_v[self.first + i]]
+    }
+
+    /// Opacity of surfel `i`, in [0, 1].
+    pub(super) fn opacity_of(&self, i: usize) -> f32 {
+        let own = self.surfels.opacity.get(self.first + i).copied().unwrap_or(1.0);
+        self.opacity.map_or(1.0, |opacity| opacity * own)
     }
 
     /// A radius within which surfel `i` lies around its centre.

@@ -76,6 +76,12 @@ impl LightView {
         2 * axis + usize::from(p[axis] < 0.0)
     }
 
+    /// The unit direction in which light reaches a place.
+    pub(super) fn rays_at(&self, place: Vec3) -> Vec3 {
+        let along = self.axes.row(2);
+        if self.is_point { (place - self.origin).normalize_or(along) } else { along }
+    }
+
     /// A direction in the view's axes.
     pub(super) fn turned(&self, v: Vec3) -> Vec3 {
         self.axes * v

@@ -47,7 +47,7 @@ fn light_left(shaded: &Shaded<'_>, position: Vec3) -> Option<Vec3> {
             }
         };
         all += radiance;
-        if light.has_shadows() && !shadows.reaches(number, place, depth) {
+        if light.has_shadows() && !shadows.reaches_captures(number, place, depth) {
             taken += radiance;
         }
     }

@@ -17,6 +17,7 @@ use crate::backend::cpu::resolve::ALL_CAUGHT;
 use crate::backend::cpu::shadows::GRAZING;
 use crate::backend::cpu::shadows::centres::REACH_OF_CENTRE;
 use crate::backend::cpu::shadows::fit::{GROWTH, MOST_SIDE, MOST_TRIES, SLICES};
+use crate::backend::cpu::shadows::splats::LEAST_ALPHA;
 use crate::backend::cpu::shadows::view::BEYOND_FACE;
 use crate::backend::cpu::swept::attribute::HIDDEN;
 use crate::backend::cpu::swept::hull::HULL_SLACK;
@@ -35,7 +36,10 @@ use crate::backend::gpu::layout::{
 };
 use crate::backend::gpu::memory::MASKS;
 use crate::backend::gpu::passes::Variant;
-use crate::backend::gpu::shadow_sizes::{DRAWING, LIGHTS_OF_MASK, MAP_WORDS};
+use crate::backend::gpu::shadow_sizes::{DRAWING, LAYERS_SHIFT, LIGHTS_OF_MASK, MAP_WORDS};
+use crate::backend::gpu::shadows::{
+    ARE_SPLATS, CASTS, HAS_MATERIALS, HAS_OPACITIES, IS_RECEIVER, IS_VOLUME, SEE_THROUGH,
+};
 use crate::environment::cube::{DEVIATION, LAST_FACE};
 use crate::film::{Aov, FilmPlanes};
 use crate::frame::Blocks;
@@ -100,6 +104,17 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("LEAST_SPEED", float(LEAST_SPEED)),
         ("LEFT_OUT_HIGH", of_status(offset_of!(Status, left_out_high))),
         ("LEFT_OUT_LOW", of_status(offset_of!(Status, left_out_low))),
+        ("IS_RECEIVER", whole(IS_RECEIVER)),
+        ("HAS_MATERIALS", whole(HAS_MATERIALS)),
+        ("HAS_OPACITIES", whole(HAS_OPACITIES)),
+        ("CASTS", whole(CASTS)),
+        ("SEE_THROUGH", whole(SEE_THROUGH)),
+        ("ARE_SPLATS", whole(ARE_SPLATS)),
+        ("IS_VOLUME", whole(IS_VOLUME)),
+        ("LAYERS_SHIFT", whole(LAYERS_SHIFT)),
+        ("LEAST_ALPHA", float(LEAST_ALPHA)),
+        ("LOG2_E", float(std::f32::consts::LOG2_E)),
+        ("TAU", float(std::f32::consts::TAU)),
         ("LIGHTS_OF_MASK", whole(LIGHTS_OF_MASK)),
         ("LINE_PEAK", float(LINE_PEAK)),
         ("LOG2_FAINTEST", float(FAINTEST.log2())),
