@@ -308,8 +308,6 @@ mod tests {
         assert_eq!(pixel_offsets(16, 1), pixel_offsets(16, 1));
     }
 
-    /// Areas of the unit square become masses of the Gaussian: its density times the map's determinant is 1. The
-    /// square's border becomes the circle at 2.
     /// Blocks of 2^m numbers of a seed are even, and those of two seeds are independent: the share of both below their
     /// limits is the product, within four standard errors of as many random numbers.
     #[test]
@@ -344,7 +342,9 @@ mod tests {
             let all: Vec<[f32; 8]> = (0..256).map(|number| chances(number, seed)).collect();
             for at in 0..8 {
                 let mut seen = [false; 256];
-                all.iter().for_each(|chances| seen[(chances[at] * 256.0) as usize] = true);
+                for chances in &all {
+                    seen[(chances[at] * 256.0) as usize] = true;
+                }
                 assert!(seen.iter().all(|&seen| seen), "seed {seed}, {at}");
             }
             for [first, second] in [[0, 1], [0, 2], [1, 4], [2, 6], [5, 6]] {
@@ -357,6 +357,8 @@ mod tests {
         }
     }
 
+    /// Areas of the unit square become masses of the Gaussian: its density times the map's determinant is 1. The
+    /// square's border becomes the circle at 2.
     #[test]
     fn the_square_becomes_a_gaussian() {
         for i in 0..1000 {

@@ -271,7 +271,7 @@ class Object(ForkedLazily, Fixed):
             shorter way; before the first and after the last it rests.
         velocity: Constant velocity, scene units a frame, in place of poses. At frame 0 it changes nothing.
         blur: False: the object is posed at the frame number, and is not blurred.
-        casts_shadows: False: it keeps no light from anything.
+        cast_shadows: False: it keeps no light from anything.
         receive_shadows: False: no shadows fall on its surfels or Gaussians.
         shadow_catcher: True: nothing of it shows but the shadows on it, as black with alpha.
         opacity: A factor on all opacities, 0 to 1.
@@ -291,7 +291,7 @@ class Object(ForkedLazily, Fixed):
         poses: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
         velocity: npt.ArrayLike | None = None,
         blur: bool = True,
-        casts_shadows: bool = True,
+        cast_shadows: bool = True,
         receive_shadows: bool = True,
         shadow_catcher: bool = False,
         opacity: float = 1.0,
@@ -306,7 +306,7 @@ class Object(ForkedLazily, Fixed):
             raise TypeError("give an object `poses` or a `velocity`, not both")
         given = {"name": name, "blur": blur, "opacity": opacity}
         given |= {"receive_shadows": receive_shadows, "shadow_catcher": shadow_catcher}
-        given |= {"casts_shadows": casts_shadows}
+        given |= {"cast_shadows": cast_shadows}
         given |= {"transform": transform, "poses": poses, "velocity": velocity, "material": material}
         for key, value in given.items():
             if value is not None:
@@ -332,8 +332,8 @@ class Object(ForkedLazily, Fixed):
             changed = self._native.with_receive_shadows(_arrays.flag(value, "receive_shadows"))
         elif key == "shadow_catcher":
             changed = self._native.with_shadow_catcher(_arrays.flag(value, "shadow_catcher"))
-        elif key == "casts_shadows":
-            changed = self._native.with_casts_shadows(_arrays.flag(value, "casts_shadows"))
+        elif key == "cast_shadows":
+            changed = self._native.with_cast_shadows(_arrays.flag(value, "cast_shadows"))
         elif key == "opacity":
             value = _arrays.number(value, "opacity")
             if not 0.0 <= value <= 1.0:
@@ -397,13 +397,13 @@ class Object(ForkedLazily, Fixed):
         self._change("shadow_catcher", value)
 
     @property
-    def casts_shadows(self) -> bool:
+    def cast_shadows(self) -> bool:
         """False: it keeps no light from anything."""
-        return self._native.casts_shadows
+        return self._native.cast_shadows
 
-    @casts_shadows.setter
-    def casts_shadows(self, value: bool) -> None:
-        self._change("casts_shadows", value)
+    @cast_shadows.setter
+    def cast_shadows(self, value: bool) -> None:
+        self._change("cast_shadows", value)
 
     @property
     def opacity(self) -> float:

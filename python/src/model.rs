@@ -264,8 +264,8 @@ impl Object {
     }
 
     #[getter]
-    fn casts_shadows(&self) -> bool {
-        self.object.casts_shadows
+    fn cast_shadows(&self) -> bool {
+        self.object.cast_shadows
     }
 
     #[getter]
@@ -338,8 +338,8 @@ impl Object {
         self.with(|object| object.shadow_catcher = shadow_catcher)
     }
 
-    fn with_casts_shadows(&self, casts_shadows: bool) -> Self {
-        self.with(|object| object.casts_shadows = casts_shadows)
+    fn with_cast_shadows(&self, cast_shadows: bool) -> Self {
+        self.with(|object| object.cast_shadows = cast_shadows)
     }
 
     fn with_opacity(&self, opacity: f64) -> Self {

@@ -257,6 +257,15 @@ def test_lights_have_shadows(renderer):
     assert (dark[..., :3] <= lit[..., :3] + 1e-3).all() and (lit - dark)[..., 0].max() > 0.2
     again = pickle.loads(pickle.dumps(scene))
     assert np.array_equal(renderer.render(again, mode="supersample:4").rgba, dark)
+
+    def brightness(**told: bool) -> float:
+        things = [sb.Object(model, **told) for model in (ball(), floor)]
+        scene = sb.Scene(things, camera=front(48, 36), lights=[sun])
+        return float(renderer.render(scene, mode="supersample:4").rgba[..., 0].mean())
+
+    assert brightness() == pytest.approx(dark[..., 0].mean())
+    for told in ({"cast_shadows": False}, {"receive_shadows": False}):
+        assert brightness(**told) == pytest.approx(lit[..., 0].mean(), rel=0.01) != dark[..., 0].mean()
     swept = [renderer.render(scene, mode="volumetric:2", shadows=shadows).rgba for shadows in (True, False)]
     assert (swept[1] - swept[0])[..., 0].max() > 0.2
 

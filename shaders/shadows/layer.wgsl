@@ -17,7 +17,8 @@ fn shadow_layer(
     view = views[id.z];
     let light = id.y;
     let first = texels_of(light);
-    for (var texel = id.x; texel < room(); texel += 256u * groups.x) {
+    let in_use = maps[map_of(light, 0u, 0u) + TEXELS_IN_USE];
+    for (var texel = id.x; texel < in_use; texel += 256u * groups.x) {
         let found = maps[first + 2u * room() + texel];
         if found == 0u { continue; }
         let before = maps[first + room() + texel] >> LAYERS_SHIFT;

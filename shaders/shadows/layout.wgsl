@@ -100,4 +100,5 @@ fn shadow_layout(@builtin(workgroup_id) group: vec3<u32>) {
         if atomicLoad(&maps[of_view + END_SLICE]) == 0u { atomicStore(&maps[of_view + FIRST_SLICE], slice); }
         atomicStore(&maps[of_view + END_SLICE], slice + 1u);
     }
+    atomicStore(&maps[first + TEXELS_IN_USE], next);
 }

@@ -31,8 +31,9 @@ const DEPTH_SLICES: u32 = 80u;
 // view, least ones, least depth, greatest distance from the light. They are as `key_of` makes them, upside down for
 // what is least, so that the greatest word wins; 0 where there are none. Then come the map's corner, its texel's edge,
 // its columns and rows, and its first texel. The first map of a view has the view's first slice that shows anything,
-// too, and the end of such slices; that of a light, whether any surfel covers very many texels.
-const MAP_WORDS: u32 = 15u;
+// too, and the end of such slices; that of a light, whether any surfel covers very many texels, and how many texels the
+// light's maps have.
+const MAP_WORDS: u32 = 16u;
 const CORNER: u32 = 6u;
 const TEXEL: u32 = 8u;
 const SIZE: u32 = 9u;
@@ -40,6 +41,7 @@ const FIRST_TEXEL: u32 = 11u;
 const FIRST_SLICE: u32 = 12u;
 const END_SLICE: u32 = 13u;
 const WIDE_CASTERS: u32 = 14u;
+const TEXELS_IN_USE: u32 = 15u;
 
 struct LightView {
     x: vec3<f32>,

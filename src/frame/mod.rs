@@ -129,7 +129,7 @@ pub struct FrameObject {
     /// Does it show nothing but the shadows on it?
     pub catcher: bool,
     /// Does it keep light from anything?
-    pub casts_shadows: bool,
+    pub cast_shadows: bool,
     /// Has the same pose in all samples. Its splats come first in the order of sums, and count once in a group.
     pub is_static: bool,
     /// Is it shown as at the frame's number, before the camera of that time, though the camera moves? In the world it
@@ -296,7 +296,7 @@ impl Frame {
     /// alone: the colours of captures were photographed in their own shadows.
     pub fn casts_splats(&self, object: &FrameObject) -> bool {
         let receives = |other: &FrameObject| other.receives && (object.is_volume() || other.has_surfels());
-        object.casts_shadows && object.drawn().is_some() && self.objects.iter().any(receives)
+        object.cast_shadows && object.drawn().is_some() && self.objects.iter().any(receives)
     }
 
     /// Whether any object is a volume.
@@ -435,7 +435,7 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool, camer
         two_sided,
         receives: object.receive_shadows && !has_none,
         catcher,
-        casts_shadows: object.casts_shadows,
+        cast_shadows: object.cast_shadows,
         is_static,
         is_held,
     }

@@ -103,7 +103,7 @@ impl<'w, 'a> Shadows<'w, 'a> {
             Form::Nothing => None,
         };
         let all = |of: i32| {
-            let casts = move |&number: &usize| kind(number) == Some(of) && world.bodies[number].object.casts_shadows;
+            let casts = move |&number: &usize| kind(number) == Some(of) && world.bodies[number].object.cast_shadows;
             (0..world.bodies.len()).filter(casts)
         };
         any.then(|| Self {

@@ -296,7 +296,7 @@ pub struct Object {
     /// 1 - lit / unlit, and hide what is behind them.
     pub shadow_catcher: bool,
     /// False: it keeps no light from anything, in lights with shadows. Captures keep none from captures anyway.
-    pub casts_shadows: bool,
+    pub cast_shadows: bool,
 }
 
 impl Object {
@@ -321,7 +321,7 @@ impl Object {
             blur: true,
             receive_shadows: true,
             shadow_catcher: false,
-            casts_shadows: true,
+            cast_shadows: true,
             shape: shape.into(),
         }
     }

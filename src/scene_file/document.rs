@@ -86,7 +86,7 @@ pub(super) struct ObjectSpec {
     pub(super) blur: bool,
     pub(super) receive_shadows: bool,
     pub(super) shadow_catcher: bool,
-    pub(super) casts_shadows: bool,
+    pub(super) cast_shadows: bool,
     /// `None`: as the model says.
     pub(super) two_sided: Option<bool>,
     pub(super) points: PointMotion,
@@ -352,7 +352,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         blur: part.boolean("blur")?,
         receive_shadows: part.boolean("receiveShadows")?,
         shadow_catcher: part.boolean("shadowCatcher")?,
-        casts_shadows: part.boolean("castShadows")?,
+        cast_shadows: part.boolean("castShadows")?,
         two_sided: part.optional_boolean("twoSided")?,
         points: PointMotion {
             unit: part.choice("velocityUnit")?.map(|word| match word.as_str() {

@@ -325,7 +325,7 @@ impl Files<'_> {
             blur: spec.blur,
             receive_shadows: spec.receive_shadows,
             shadow_catcher: spec.shadow_catcher,
-            casts_shadows: spec.casts_shadows,
+            cast_shadows: spec.cast_shadows,
             ..Object::new(shape)
         })
     }

@@ -176,7 +176,7 @@ impl Xml {
         let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
         attributes.extend((!object.receive_shadows).then(|| ("receiveShadows", "false".to_owned())));
         attributes.extend(object.shadow_catcher.then(|| ("shadowCatcher", "true".to_owned())));
-        attributes.extend((!object.casts_shadows).then(|| ("castShadows", "false".to_owned())));
+        attributes.extend((!object.cast_shadows).then(|| ("castShadows", "false".to_owned())));
         let surface = object.shape.surface();
         attributes.extend(surface.map(|surface| ("twoSided", surface.two_sided.to_string())));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));

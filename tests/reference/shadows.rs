@@ -442,7 +442,7 @@ fn light_passes_through_what_is_see_through() {
     for (see_through, casts, is_darker) in [(0, true, false), (1, false, false), (1, true, true)] {
         let mut objects = vec![floor(), at(disc(DVec3::Y, 1.0), DVec3::Y)];
         objects[see_through].opacity = 0.5;
-        objects[1].casts_shadows = casts;
+        objects[1].cast_shadows = casts;
         let scene = lit(objects, sun(DVec3::new(0.4, -1.0, 0.0), 0.0), EYE * 2.0, DVec3::ZERO);
         let is_lit = bits(&picture(&scene)) == bits(&picture(&without_shadows(&scene)));
         assert!(is_lit != is_darker, "object {see_through} is see-through, casts: {casts}");
@@ -642,7 +642,7 @@ fn gaussians_and_kernels_let_a_share_through() {
             };
             Some((0..400).map(light).sum::<f64>() / 400.0)
         });
-        scene.objects[1].casts_shadows = false;
+        scene.objects[1].cast_shadows = false;
         check_lit(&scene);
     }
 }

@@ -83,6 +83,11 @@ pub(crate) fn half_height() -> f64 {
     0.8 * 20_f64.to_radians().tan()
 }
 
+/// Samples of a picture that is to converge. A device may be software, which takes long for as many as the CPU takes.
+pub(crate) fn many(on: &dyn Backend) -> u32 {
+    if on.describe().starts_with("cpu") { 256 } else { 64 }
+}
+
 pub(crate) fn samples(samples: u32) -> RenderOptions {
     RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
 }

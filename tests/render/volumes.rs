@@ -12,12 +12,11 @@ use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{self, Gaussians, Kind, LoadOptions, Optics, TransferFunction, TransferStop, VolumeOptions};
 use splatblur::options::{
-    BlurMode, Detail, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Times,
+    BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Times,
 };
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Motion, Object, Scene};
 
-use crate::support::gpu::gpu_or_skip;
 use crate::support::volumes::{VolumeCamera, picture, pixel as support_pixel};
 use crate::support::{render, scene};
 
@@ -382,9 +381,12 @@ fn memory_and_threads_change_no_byte() {
 
 /// Software devices end loops early: all kernels of a volume may lie in one tile, and layers of see-through surfels
 /// before each of them.
+#[cfg(feature = "gpu")]
 #[test]
 fn a_tile_holds_more_kernels_than_a_loop_has_turns() {
-    let Some(mut gpu) = gpu_or_skip("a_tile_holds_more_kernels_than_a_loop_has_turns") else { return };
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("a_tile_holds_more_kernels_than_a_loop_has_turns") else {
+        return;
+    };
     let mut scene = mixed([16, 16]);
     let field = |p: Vec3| (0.3, Vec3::splat(0.5) + 0.4 * p);
     scene.objects.truncate(1);
@@ -392,7 +394,7 @@ fn a_tile_holds_more_kernels_than_a_loop_has_turns() {
     let mut glass = mixed([16, 16]).objects.pop().unwrap();
     glass.transform.translate = DVec3::new(0.3, 0.2, 0.5);
     scene.objects.push(glass);
-    let options = RenderOptions { detail: Detail::Full, ..unfiltered() };
+    let options = RenderOptions { detail: splatblur::options::Detail::Full, ..unfiltered() };
     let cpu = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
     let found = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
     assert!(cpu.stats.splats > 70_000, "{}", cpu.stats.splats);

@@ -25,7 +25,7 @@ const DIGITS_OF_DEPTH: u32 = u32::BITS.div_ceil(DIGIT_BITS);
 const _: () = assert!(DIGITS_OF_DEPTH.is_multiple_of(2));
 
 /// Most workgroups for the texels of a light.
-const MOST_OF_TEXELS: u64 = 4096;
+const MOST_OF_TEXELS: u64 = 512;
 
 /// Records a chunk of a frame.
 pub(in crate::backend) struct Recorder<'a> {

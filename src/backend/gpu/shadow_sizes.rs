@@ -10,7 +10,7 @@ use crate::frame::{Frame, FrameObject, PosedSample};
 use crate::shading::ShadingLight;
 
 /// Words of what is known of a map (`shaders/shadows/maps.wgsl`).
-pub(in crate::backend) const MAP_WORDS: u64 = 15;
+pub(in crate::backend) const MAP_WORDS: u64 = 16;
 /// Bytes of a plane of a surfel for a light (`shaders/shadows/casters.wgsl`).
 const CASTER_BYTES: u64 = 32;
 /// Invocations that draw a surfel together (`shaders/shadows/stamp.wgsl`).
@@ -33,7 +33,7 @@ const MOST_CASTERS: u64 = (1 << LAYERS_SHIFT) - 1;
 
 /// Do the surfels of an object let a part of the light through, and cast?
 pub(in crate::backend) fn casts_in_layers(object: &FrameObject) -> bool {
-    object.see_through && object.casts_shadows && object.has_surfels()
+    object.see_through && object.cast_shadows && object.has_surfels()
 }
 
 /// What the shadows of a group take; nothing where no light has any.
@@ -69,7 +69,7 @@ impl ShadowSizes {
             return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
         }
         let faces = if shadows().any(|light| matches!(light, ShadingLight::Point { .. })) { FACES } else { 1 };
-        let takes_part = |object: &&FrameObject| !object.see_through || object.casts_shadows;
+        let takes_part = |object: &&FrameObject| !object.see_through || object.cast_shadows;
         let models = frame.objects.iter().filter(takes_part).filter_map(|o| o.shape.surfels());
         let surfels: u64 = models.map(|model| model.surfels().len() as u64).sum();
         let captures =

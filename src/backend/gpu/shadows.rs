@@ -132,7 +132,7 @@ pub(in crate::backend) fn caster_segments(job: &Job<'_>) -> Vec<(Segment, usize,
     let sample = &job.group.samples[job.group.samples.len() / 2];
     let frame = prepared.frame;
     let visible = |is_static, see_through| frame.visible_surfels(sample, is_static, see_through);
-    let casts = |(object, _): &(usize, &SurfelModel)| frame.objects[*object].casts_shadows;
+    let casts = |(object, _): &(usize, &SurfelModel)| frame.objects[*object].cast_shadows;
     let opaque = visible(true, false).chain(visible(false, false)).map(|(object, _)| object);
     let veils = visible(true, true).chain(visible(false, true)).filter(casts).map(|(object, _)| object);
     let splats =
@@ -175,7 +175,7 @@ fn of_surfels(posed: &PosedObject, object: &FrameObject) -> Segment {
         (!object.see_through, IS_RECEIVER),
         (object.material.is_none() && !surfels.material.is_empty(), HAS_MATERIALS),
         (!surfels.opacity.is_empty(), HAS_OPACITIES),
-        (object.casts_shadows, CASTS),
+        (object.cast_shadows, CASTS),
         (object.see_through, SEE_THROUGH),
     ]);
     Segment { flags, ..Segment::posed(posed, object, surfels, 1, 1.0) }

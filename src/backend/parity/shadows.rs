@@ -140,16 +140,27 @@ fn cases() -> Vec<Case> {
         0,
         Motion::Rotation { axis: DVec3::new(0.3, 1.0, 0.5).normalize(), per_frame: 2.0, centre: DVec3::ZERO },
     );
-    case_of(&mut cases, "glass").scene.objects[1].opacity = 0.5;
-    // A ball of surfels that have their own opacities, in the light of a point, and one that casts nothing.
-    let layers = &mut case_of(&mut cases, "layers").scene.objects;
-    let mut own = ball(900, 1, true);
-    own.opacity = (0..900).map(|i| 0.1 + 0.001 * i as f32).collect();
+    add_casters(&mut cases);
+    // A disc alone, whose rim no other covers.
+    let wide = &mut case_of(&mut cases, "wide").scene;
+    wide.objects[1] = object(disc(0.9), DVec3::new(0.3, 0.1, -1.8));
+    (wide.image.width, wide.image.height) = (240, 180);
+    cases
+}
+
+/// What light passes through throws shadows in some cases.
+fn add_casters(cases: &mut [Case]) {
+    case_of(cases, "glass").scene.objects[1].opacity = 0.5;
+    // A ball of surfels that have their own opacities, in the light of a point, and two objects that cast nothing.
+    let layers = &mut case_of(cases, "layers").scene.objects;
+    let mut own = ball(300, 1, true);
+    own.opacity = (0..300).map(|i| 0.1 + 0.09 * (7 * i % 10) as f32).collect();
     layers[1] = Object { opacity: 0.9, motions: layers[1].motions.clone(), ..object(own, DVec3::new(-0.6, 0.2, -1.5)) };
-    layers[2].casts_shadows = false;
+    layers[0].cast_shadows = false;
+    layers[2].cast_shadows = false;
     // A capture and a volume in motion beside a ball, above the floor.
     for (name, lit) in [("casting capture", false), ("casting volume", true)] {
-        let objects = &mut case_of(&mut cases, name).scene.objects;
+        let objects = &mut case_of(cases, name).scene.objects;
         objects[1].shape = if lit { volume(200, 5, 0.1, true) } else { cloud(200, 4, 0, true) }.into();
         objects[1].transform.translate.y = 0.4;
         objects[1].opacity = 0.8;
@@ -157,7 +168,7 @@ fn cases() -> Vec<Case> {
         model.crop = Some([DVec3::new(-0.9, -0.9, -0.9), DVec3::new(0.9, 0.8, 0.9)]);
     }
     // A capture on which a ball, see-through, and a volume throw shadows, but no capture; all of them before a floor.
-    let objects = &mut case_of(&mut cases, "both captures").scene.objects;
+    let objects = &mut case_of(cases, "both captures").scene.objects;
     objects[2].opacity = 0.6;
     objects.push(object(capture(), DVec3::new(0.0, -0.7, -1.6)));
     for (x, shape) in [(-0.7, Shape::from(cloud(200, 4, 0, true))), (0.2, volume(100, 5, 0.1, true).into())] {
@@ -166,11 +177,6 @@ fn cases() -> Vec<Case> {
         above.transform.scale = DVec3::splat(0.6);
         objects.push(above);
     }
-    // A disc alone, whose rim no other covers.
-    let wide = &mut case_of(&mut cases, "wide").scene;
-    wide.objects[1] = object(disc(0.9), DVec3::new(0.3, 0.1, -1.8));
-    (wide.image.width, wide.image.height) = (240, 180);
-    cases
 }
 
 /// The device's picture of a case against the CPU's.
@@ -179,7 +185,8 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     look_the_same(case.name, &render(gpu, case).picture, &want)
 }
 
-/// Shadows are the CPU's, and the same bytes in rounds of one group, in batches, and in as little memory as will do.
+/// Shadows are the CPU's, and the same bytes in rounds of one group, in batches, and, in cases of each kind, in as
+/// little memory as will do, which takes several times as long.
 #[test]
 fn shadows_are_the_cpus() {
     let Some(mut gpu) = gpu_or_skip("shadows_are_the_cpus") else { return };
@@ -190,6 +197,9 @@ fn shadows_are_the_cpus() {
         let whole = render(&mut gpu, &case).picture;
         assert_eq!(render(&mut alone, &case).picture, whole, "{}: rounds of one group", case.name);
         assert_eq!(render(&mut batches, &case).picture, whole, "{}: batches", case.name);
+        if !["lamp", "filtered", "capture, bucket", "layers", "casting volume", "held, surfels"].contains(&case.name) {
+            continue;
+        }
         let mut least = case.clone();
         least.options.memory = 1;
         let refused = render_checked(&mut gpu, &least.scene, FrameNumber::from(0), &least.options);

@@ -111,7 +111,7 @@ fn scene_object(o: &Object) -> Value {
         ("blur", json!(o.blur)),
         ("receive_shadows", json!(o.receive_shadows)),
         ("shadow_catcher", json!(o.shadow_catcher)),
-        ("casts_shadows", json!(o.casts_shadows)),
+        ("cast_shadows", json!(o.cast_shadows)),
         ("epsilon", o.epsilon.map_or_else(|| json!("tolerance"), |e| json!(e))),
         ("detail", json!(o.detail.word())),
         ("transform", trs(&o.transform)),

@@ -41,7 +41,7 @@ use crate::shading::ShadingLight;
 
 /// Most texels of all maps of a light for each pixel of the image; and the least such number.
 const TEXELS_OF_PIXEL: u64 = 8;
-const LEAST_TEXELS: u64 = 1 << 20;
+const LEAST_TEXELS: u64 = 1 << 18;
 
 /// Maps of a light that a surfel is on, in the mean.
 const CASTER_MAPS: usize = 6;

@@ -86,7 +86,7 @@ impl<'a> Run<'a> {
         Self {
             object: posed,
             origin,
-            casts: object.casts_shadows,
+            casts: object.cast_shadows,
             opacity: object.see_through.then_some(object.opacity),
             surfels,
             paths,

@@ -111,12 +111,14 @@ struct Run<'a> {
 fn runs<'a>(scope: &Scope<'a>, fixed: bool) -> Vec<Run<'a>> {
     let mut runs = Vec::new();
     let mut first = 0_u32;
+    let has_shadows = scope.frame.has_shadows();
     for (object, of_frame) in scope.frame.objects.iter().enumerate() {
         let Some((model, drawing)) = of_frame.drawn() else { continue };
         let len = model.len();
         let visible = scope.group.samples.iter().any(|sample| sample.objects[object].visible);
-        // Each sample has shadows of its own.
-        let rests = of_frame.is_static && !(scope.shadows.is_some() && of_frame.receives);
+        // Each sample has points of its own on lights with shadows, and shadows of its own.
+        let is_shaded = of_frame.receives || !model.normal.is_empty();
+        let rests = of_frame.is_static && !(has_shadows && is_shaded);
         if visible && rests == fixed {
             let ranges = (0..len).step_by(CHUNK).map(|from| from..(from + CHUNK).min(len));
             runs.extend(ranges.map(|gaussians| Run { object, model, drawing, gaussians, first }));

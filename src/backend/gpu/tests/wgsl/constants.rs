@@ -163,7 +163,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
 }
 
 /// Constants that stand in WGSL alone, each with the reason.
-const OF_DEVICE: [(&str, &str); 26] = [
+const OF_DEVICE: [(&str, &str); 27] = [
     ("LANES", "invocations of a workgroup by pixels"),
     ("PANEL_LANES", "how a workgroup by pixels parts its tile"),
     ("PANEL_COLUMNS", "how a workgroup by pixels parts its tile"),
@@ -188,6 +188,7 @@ const OF_DEVICE: [(&str, &str); 26] = [
     ("SIZE", "word of a map; the CPU has fields"),
     ("TEXEL", "word of a map; the CPU has fields"),
     ("UNWANTED", "mark in thresholds; the CPU skips pixels that are not wanted"),
+    ("TEXELS_IN_USE", "likewise"),
     ("WIDE_CASTERS", "word of a map"),
     ("WIDE", "mark of pass `bin` for its own programs"),
 ];
