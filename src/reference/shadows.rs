@@ -37,6 +37,9 @@ pub(super) struct Shadows<'w, 'a> {
     places: Vec<(u32, u32)>,
 }
 
+/// Least square of a distance to a light: at the light itself its radiance would be infinite.
+const LEAST_SQUARE: f64 = 1e-30;
+
 /// From where a light shines, world space.
 #[derive(Clone, Copy, Debug)]
 enum Source {
@@ -225,10 +228,10 @@ impl<'w, 'a> Shadows<'w, 'a> {
                 // A white surface shows 1/4 of it in the mean over all normals.
                 (ShadingLight::Harmonics { terms }, _) => terms[0].as_dvec3() * 4.0,
                 (ShadingLight::Point { colour, .. }, Some(Source::Place(from))) => {
-                    colour.as_dvec3() / from.distance_squared(place)
+                    colour.as_dvec3() / from.distance_squared(place).max(LEAST_SQUARE)
                 }
                 (ShadingLight::Point { colour, position, .. }, _) => {
-                    colour.as_dvec3() / (eye + position.as_dvec3()).distance_squared(place)
+                    colour.as_dvec3() / (eye + position.as_dvec3()).distance_squared(place).max(LEAST_SQUARE)
                 }
             };
             all += radiance;

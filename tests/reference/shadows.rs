@@ -675,6 +675,9 @@ fn captures_receive_no_shadows_of_captures() {
     let middle = bright.rgba.len() / 2 + bright.width as usize / 2;
     let [bright, dim] = [bright.rgba[middle][0], dim.rgba[middle][0]];
     assert!(bright > 0.1 && (dim / bright - 0.3).abs() < 0.01, "{dim} of {bright}");
+    // A lamp may stand where a Gaussian has its centre.
+    scene.lights = vec![Light::point(DVec3::ZERO, DVec3::ONE), sun(DOWN, 0.0)];
+    assert!(picture(&scene).rgba.iter().flatten().all(|value| value.is_finite()));
 }
 
 /// Nothing is darker than without shadows.
