@@ -601,7 +601,7 @@ fn a_namespace_is_accepted_on_the_root_alone() {
     assert_eq!(loaded(text(names, "")).scene.objects.len(), 1);
     refused(
         text("", "xmlns='a'"),
-        "scene.xml:1:17: <object> has no attribute `xmlns` (it takes: name, blur, receiveShadows, \
+        "scene.xml:1:17: <object> has no attribute `xmlns` (it takes: name, blur, castShadows, receiveShadows, \
          shadowCatcher, twoSided, epsilon, detail, \
          velocityUnit, at)",
     );

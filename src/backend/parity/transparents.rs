@@ -452,7 +452,7 @@ static MUTANTS: [Mutant; 137] = [
     ([("splat.reference.x + view.offset.x", "splat.reference.x")], "supersample"),
     ([("y - splat.slope * x", "y")], "supersample"),
     ([("min(value, vec4<f32>(MOST_ALPHA))", "value")], "still"),
-    ([("exponent >= vec4<f32>(-LOG2_FAINTEST)", "exponent >= vec4<f32>(-6.0)")], "still"),
+    ([("select(-LOG2_FAINTEST, least_power", "select(-6.0, least_power")], "still"),
     ([("reaches & (through >= vec4<f32>(OPAQUE))", "reaches & (through >= vec4<f32>(0.2))")], "still"),
     ([("vec4<f32>(splat.depth) <= (*quad).limit", "(*quad).limit > vec4<f32>(0.0)")], "still"),
     (
