@@ -270,7 +270,7 @@ class Light:
         place: The direction in which the light travels, or the position of the point.
         colour: Radiance, linear Rec.709; of a point that at distance 1.
         size: Angle under which a directional light is seen, degrees; radius of the ball of a point. It softens shadows.
-        shadows: Do surfaces cast shadows in it?
+        shadows: Do there are shadows in it?
     """
 
     kind: Literal["directional", "point", "ambient"]

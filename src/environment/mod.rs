@@ -34,7 +34,7 @@ pub struct Environment {
     pub background: bool,
     /// True: it lights the scene, as one more light.
     pub light: bool,
-    /// Do surfaces cast shadows in its light, on surfaces? Without them its light is smooth: nine harmonics.
+    /// Do there are shadows in its light, on surfaces? Without them its light is smooth: nine harmonics.
     pub shadows: bool,
     cube: Arc<OnceLock<Arc<Cube>>>,
     brightness: Arc<OnceLock<Brightness>>,

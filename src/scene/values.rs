@@ -167,7 +167,7 @@ pub enum Light {
         /// Angle under which the light is seen, radians in [0, pi]: its diameter. It softens shadows; without them it
         /// does nothing.
         angle: f64,
-        /// Do surfaces cast shadows in it, on surfaces?
+        /// Are there shadows in it?
         shadows: bool,
     },
     /// A point, or a ball; falls off with 1/distance^2.
@@ -179,7 +179,7 @@ pub enum Light {
         /// Radius of the ball, >= 0: seen from everywhere it is an even disc. It softens shadows; without them it does
         /// nothing.
         radius: f64,
-        /// Do surfaces cast shadows in it, on surfaces?
+        /// Are there shadows in it?
         shadows: bool,
     },
     /// From everywhere.

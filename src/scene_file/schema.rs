@@ -303,7 +303,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("intensity", ValueKind::Number(INTENSITY), Value("1"), "factor on `colour`"),
             only(
                 &["directional", "point"],
-                row("shadows", ValueKind::Boolean, Value("true"), "true: surfaces cast shadows in it"),
+                row("shadows", ValueKind::Boolean, Value("true"), "true: there are shadows in it"),
             ),
             only(
                 &["directional"],
@@ -325,7 +325,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("rotation", ValueKind::Number(DEGREES), Value("0"), "rotation about +y, degrees"),
             row("background", ValueKind::Boolean, Value("false"), "true: it shows where nothing else does"),
             row("light", ValueKind::Boolean, Auto("true where there is no `<light>`"), "true: it lights the scene"),
-            row("shadows", ValueKind::Boolean, Value("true"), "true: surfaces cast shadows in its light"),
+            row("shadows", ValueKind::Boolean, Value("true"), "true: there are shadows in its light"),
         ],
         children: &[],
     },

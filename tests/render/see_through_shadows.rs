@@ -112,6 +112,19 @@ fn two_discs_multiply(on: &mut dyn Backend) {
     }
 }
 
+/// A picture of so many samples beside one of the reference: the worst difference of a square, the mean difference, and
+/// the worst of a picture without shadows.
+fn beside_the_reference(on: &mut dyn Backend, scene: &Scene, (count, traced): (u32, u64)) -> [f64; 3] {
+    let traced = ReferenceOptions { samples: traced, ..ReferenceOptions::default() };
+    let truth = reference::render(scene, 0, &traced, None, &|_| ()).unwrap().picture;
+    let picture = render(on, scene, &samples(count));
+    let pairs = picture.rgba.iter().zip(&truth.rgba);
+    let mean = pairs.map(|(a, b)| f64::from(a[0] - b[0])).sum::<f64>() / truth.rgba.len() as f64;
+    let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..samples(4) };
+    let lit = worst_square(&render(on, scene, &without), &truth);
+    [worst_square(&picture, &truth), mean, lit]
+}
+
 /// A ball of many surfels, which overlap: its two walls are two layers.
 fn a_moving_ball_has_the_shadow_of_the_reference(on: &mut dyn Backend) {
     let count = many(on);
@@ -122,14 +135,7 @@ fn a_moving_ball_has_the_shadow_of_the_reference(on: &mut dyn Backend) {
     let mut scene = below(vec![ball]);
     (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
     scene.lights.push(Light::point(DVec3::new(0.3, 2.5, 0.2), DVec3::splat(3.0)));
-    let traced = ReferenceOptions { samples: 256, ..ReferenceOptions::default() };
-    let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
-    let picture = render(on, &scene, &samples(count));
-    let pairs = picture.rgba.iter().zip(&truth.rgba);
-    let mean = pairs.map(|(a, b)| f64::from(a[0] - b[0])).sum::<f64>() / truth.rgba.len() as f64;
-    let worst = worst_square(&picture, &truth);
-    let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..samples(4) };
-    let lit = worst_square(&render(on, &scene, &without), &truth);
+    let [worst, mean, lit] = beside_the_reference(on, &scene, (count, 256));
     println!("worst {worst:.4}, mean {mean:.4}; without shadows {lit:.3}");
     // Walls near the rim, which are nearer to each other than the tolerance over the cosine, are one layer on a map
     // (docs/shadows.md), and let more through.
@@ -211,14 +217,7 @@ fn turned_gaussians_have_the_shadow_of_the_reference(on: &mut dyn Backend) {
             let mut scene = below(vec![object.clone()]);
             (scene.shutter.open, scene.shutter.close) = (0.0, 1.0);
             scene.lights = vec![light];
-            let traced = ReferenceOptions { samples: 64, ..ReferenceOptions::default() };
-            let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
-            let picture = render(on, &scene, &samples(count));
-            let pairs = picture.rgba.iter().zip(&truth.rgba);
-            let mean = pairs.map(|(a, b)| f64::from(a[0] - b[0])).sum::<f64>() / truth.rgba.len() as f64;
-            let worst = worst_square(&picture, &truth);
-            let without = RenderOptions { look: Look { shadows: false, ..Look::default() }, ..samples(4) };
-            let lit = worst_square(&render(on, &scene, &without), &truth);
+            let [worst, mean, lit] = beside_the_reference(on, &scene, (count, 64));
             println!("{name}: worst {worst:.4}, mean {mean:.4}; without shadows {lit:.3}");
             assert!(
                 worst < worst_error(count) && mean.abs() < 4e-3 && lit > 0.3,
