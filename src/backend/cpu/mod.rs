@@ -10,6 +10,7 @@ pub(super) mod bin;
 pub(super) mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
+pub(super) mod columns;
 pub(super) mod depths;
 pub(super) mod job;
 pub(super) mod land;

@@ -5,22 +5,21 @@
 
 use std::ops::Range;
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 
 use super::bounds::{Disc, extent, is_outside, pixel_range, whole};
+use super::columns::{Columns, Points, RUN, add_rates, lanes, transform};
 use super::land::{Landing, Strip};
-use crate::backend::clusters::{CLUSTER_SURFELS, Clusters, Window};
+use crate::backend::clusters::{Clusters, Window};
 use crate::frame::{Blocks, PixelRect, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
-use crate::model::paths::{Elapsed, Paths};
+use crate::model::paths::Paths;
 
 /// Surfels worked on at once.
 pub(in crate::backend) const LANES: usize = 16;
 type Lanes = [f32; LANES];
-/// Surfels turned from points into coordinates at once; a multiple of `LANES`.
-const RUN: usize = CLUSTER_SURFELS;
 const _: () = assert!(RUN.is_multiple_of(LANES));
 
 /// What `project` needs beside the surfels.
@@ -145,8 +144,7 @@ pub(in crate::backend) fn project_body(
             first = at.end;
             continue;
         }
-        run.load(surfels, at.clone());
-        run.travel(view, at.clone());
+        run.load(view, surfels, at.clone());
         for lane in (0..at.len()).step_by(LANES) {
             let n = (at.len() - lane).min(LANES);
             match strip {
@@ -163,68 +161,34 @@ pub(in crate::backend) fn project_body(
 
 /// Surfels of the model, coordinate by coordinate.
 struct Run {
-    position: [[f32; RUN]; 3],
-    axis_u: [[f32; RUN]; 3],
-    axis_v: [[f32; RUN]; 3],
+    columns: Columns,
     /// How far they travel by themselves from the middle of a strip to its last row.
-    advance: [[f32; RUN]; 3],
+    advance: Points,
 }
 
 impl Default for Run {
     fn default() -> Self {
-        let zero = [[0.0; RUN]; 3];
-        Self { position: zero, axis_u: zero, axis_v: zero, advance: zero }
+        Self { columns: Columns::default(), advance: [[0.0; RUN]; 3] }
     }
 }
 
 impl Run {
     /// Lanes beyond the range hold surfels of an earlier one.
     #[inline(always)]
-    fn load(&mut self, surfels: &Surfels, range: Range<usize>) {
-        split(&surfels.position[range.clone()], &mut self.position);
-        split(&surfels.axis_u[range.clone()], &mut self.axis_u);
-        split(&surfels.axis_v[range], &mut self.axis_v);
-    }
-
-    /// Moves the positions along the paths of the surfels.
-    #[inline(always)]
-    fn travel(&mut self, view: &SurfelView<'_>, range: Range<usize>) {
-        add_rates(&mut self.position, view, range.clone(), view.object.elapsed);
+    fn load(&mut self, view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>) {
+        self.columns.load(surfels, range.clone());
+        add_rates(&mut self.columns.position, &view.paths, range.clone(), view.object.elapsed);
         if view.raster.readout.is_some() && !view.paths.is_empty() {
             self.advance = [[0.0; RUN]; 3];
-            add_rates(&mut self.advance, view, range, view.object.advance);
+            add_rates(&mut self.advance, &view.paths, range, view.object.advance);
         }
-    }
-}
-
-/// Adds to points what surfels travel by themselves: the columns of their paths times `factors`.
-#[inline(always)]
-fn add_rates(points: &mut [[f32; RUN]; 3], view: &SurfelView<'_>, range: Range<usize>, factors: Elapsed<f32>) {
-    for (column, factor) in view.paths.columns.iter().zip(factors) {
-        let Some(rates) = column.get(range.clone()) else { continue };
-        for (l, rate) in rates.iter().enumerate() {
-            let shift = *rate * factor;
-            points[0][l] += shift.x;
-            points[1][l] += shift.y;
-            points[2][l] += shift.z;
-        }
-    }
-}
-
-/// Points to coordinates. The loop is long, as compilers turn a short one into single moves.
-#[inline(always)]
-fn split(points: &[Vec3], [x, y, z]: &mut [[f32; RUN]; 3]) {
-    let flat: &[[f32; 3]] = bytemuck::cast_slice(points);
-    for (((point, x), y), z) in flat.iter().zip(x).zip(y).zip(z) {
-        [*x, *y, *z] = *point;
     }
 }
 
 /// `n` surfels, from surfel `first` of the run on; `surfel` is the index of that one in the model.
 #[inline(always)]
 fn project_lanes<S: Sink>(view: &SurfelView<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut S) {
-    let (position, axis_u, axis_v) =
-        (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
+    let [position, axis_u, axis_v] = run.columns.lanes(first);
     if !view.two_sided && !view.object.moves && all_face_away(view.object.eye, &position, &axis_u, &axis_v) {
         return;
     }
@@ -255,8 +219,7 @@ fn project_landing<const AXIS: usize, S: Sink>(
     out: &mut S,
 ) {
     let object = view.object;
-    let (position, axis_u, axis_v) =
-        (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
+    let [position, axis_u, axis_v] = run.columns.lanes(first);
     let away = |eye: Vec3| all_face_away(eye, &position, &axis_u, &axis_v);
     if !view.two_sided && view.paths.is_empty() && away(object.eye) && view.eyes.into_iter().all(away) {
         return;
@@ -327,29 +290,6 @@ struct PosedLanes {
     centre: [Lanes; 3],
     u: [Lanes; 3],
     v: [Lanes; 3],
-}
-
-#[inline(always)]
-fn lanes(run: &[[f32; RUN]; 3], first: usize) -> [Lanes; 3] {
-    let mut out = [[0.0; LANES]; 3];
-    for c in 0..3 {
-        out[c].copy_from_slice(&run[c][first..][..LANES]);
-    }
-    out
-}
-
-/// m p + origin, for `N` points coordinate by coordinate.
-#[inline(always)]
-pub(in crate::backend) fn transform<const N: usize>(m: &Mat3, origin: Vec3, p: &[[f32; N]; 3]) -> [[f32; N]; 3] {
-    let m = m.to_cols_array_2d();
-    let origin = origin.to_array();
-    let mut out = [[0.0; N]; 3];
-    for row in 0..3 {
-        for l in 0..N {
-            out[row][l] = m[0][row] * p[0][l] + m[1][row] * p[1][l] + m[2][row] * p[2][l] + origin[row];
-        }
-    }
-    out
 }
 
 /// Does every surfel clearly show its back to the eye, by more than rounding? In model space.

@@ -6,8 +6,8 @@
 
 use glam::Vec3;
 
+use super::columns::transform;
 use super::land::Strip;
-use super::project::transform;
 use super::shadows::{Moved, Shadows};
 use super::tiles::{LANES, Lanes};
 use crate::environment::Surroundings;

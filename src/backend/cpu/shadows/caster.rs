@@ -3,9 +3,9 @@
 use glam::{Mat3, Vec3};
 
 use super::cells::{Cells, Ground};
+use super::discs::{Discs, lengths};
 use super::fit::{MapArea, on_view};
-use super::run::{RUN, SeenRun};
-use super::splats::Disc;
+use super::run::RUN;
 use super::view::LightView;
 use super::{GRAZING, ROUNDING};
 use crate::backend::cpu::tiles::{LANES, Lanes};
@@ -65,48 +65,75 @@ impl Onto<'_> {
 }
 
 impl Caster {
-    /// Surfel `i` of a run, and how its end of light is moved; `None` where no shadow of it is seen. It casts with both
-    /// sides, whichever of them shows: each sheet has a shadow, and the backs of a closed model lie behind its fronts.
-    pub(super) fn of(run: &SeenRun<'_>, i: usize, on: &Onto<'_>) -> Option<(Self, Moved)> {
-        Self::of_disc(run.run.centre(i), run.centre(i), run.axes(i), run.run.object.epsilon, on)
+    /// Hands on those of `count` discs that may cast a shadow that is seen: number of the disc, caster, and how its end
+    /// of light is moved. `epsilon`: their depth tolerance. A disc casts with both sides, whichever of them shows: each
+    /// sheet has a shadow, and the backs of a closed model lie behind its fronts.
+    #[inline(always)]
+    pub(super) fn of(
+        discs: &Discs,
+        count: usize,
+        epsilon: f32,
+        on: &Onto<'_>,
+        mut take: impl FnMut(usize, Self, Moved),
+    ) {
+        let half = on.ground.of_discs(&discs.axes);
+        if on.view.is_point {
+            for l in 0..count {
+                if let Some((caster, moved)) = Self::before_point(discs.at(l), half[l], epsilon, on) {
+                    take(l, caster, moved);
+                }
+            }
+            return;
+        }
+        let shown = Shown::of(discs, &half, epsilon, on);
+        for l in 0..count {
+            // In this order: few discs of fine models have the middle of a texel.
+            if shown.is_on_map[l] == 0 || on.hides(shown.covered(l), shown.behind[l]) {
+                continue;
+            }
+            let (_, c, axes) = discs.at(l);
+            let (disc, plane) = seen_parallel(c, axes, on.area);
+            let tolerance = shown.tolerance[l];
+            if plane.is_finite() && disc[0].is_finite() && disc[1].is_finite() && tolerance.is_finite() {
+                let bounds = shown.texels.map(|ends| ends.map(|end| end[l] as u16));
+                take(l, Self { disc, plane, tolerance, bounds }, Moved { factor: 1.0, by: tolerance });
+            }
+        }
     }
 
-    /// The same of a Gaussian, which only rounding moves away.
-    pub(super) fn of_splat(disc: &Disc, on: &Onto<'_>) -> Option<Self> {
-        let axes = disc.axes.map(|axis| on.view.turned(axis));
-        Self::of_disc(disc.centre, on.view.place(disc.centre), axes, 0.0, on).map(|(caster, _)| caster)
-    }
-
-    /// The same of a disc: its centre relative to the eye in world axes, and in those of the view; and its axes there.
-    fn of_disc(centre: Vec3, c: Vec3, [u, v]: [Vec3; 2], epsilon: f32, on: &Onto<'_>) -> Option<(Self, Moved)> {
+    /// A disc before the light of a point: its centre relative to the eye in world axes, and in those of the view; and
+    /// its axes there. `half`: as [`Ground::of_discs`].
+    fn before_point(
+        (centre, c, [u, v]): (Vec3, Vec3, [Vec3; 2]),
+        half: f32,
+        epsilon: f32,
+        on: &Onto<'_>,
+    ) -> Option<(Self, Moved)> {
         let Onto { area, view, ground, .. } = on;
         // What is beside a face of the cube is on another.
         let radius = (u.length_squared() + v.length_squared()).sqrt();
         if view.is_beside(c, radius) {
             return None;
         }
-        let covered = covered(c, [u, v], view);
+        let covered = covered(c, [u, v]);
         if !area.touches(covered) {
             return None;
         }
         let normal = u.cross(v);
-        let along = if view.is_point { normal.dot(c) / c.length() } else { normal.z };
-        let cosine = (along / normal.length()).abs().max(GRAZING);
+        let cosine = (normal.dot(c) / c.length() / normal.length()).abs().max(GRAZING);
         let rounding = ROUNDING * (centre.length() + c.length());
         let tolerance = epsilon.max(rounding) / cosine;
         let moved = ground.moved(tolerance, c.length(), c.z + radius);
-        if on.hides(covered, ground.behind(c, radius, ground.of_disc([u, v]))[0] + moved) {
+        if on.hides(covered, ground.behind(c, radius, half)[0] + moved) {
             return None;
         }
         let bounds = texels(covered, area)?;
-        let (disc, plane) =
-            if view.is_point { seen_from_point(c, [u, v], area) } else { seen_parallel(c, [u, v], area) };
-        // Of a point light the plane itself is moved away.
-        let factor = if view.is_point { 1.0 + tolerance / c.length() } else { 1.0 };
-        let plane = if view.is_point { plane / factor } else { plane };
-        let tolerance = if view.is_point { 0.0 } else { tolerance };
+        let (disc, plane) = seen_from_point(c, [u, v], area);
+        // The plane itself is moved away.
+        let factor = 1.0 + tolerance / c.length();
+        let plane = plane / factor;
         let is_finite = plane.is_finite() && disc[0].is_finite() && disc[1].is_finite() && tolerance.is_finite();
-        is_finite.then_some((Self { disc, plane, tolerance, bounds }, Moved { factor, by: tolerance }))
+        is_finite.then_some((Self { disc, plane, tolerance: 0.0, bounds }, Moved { factor, by: 0.0 }))
     }
 
     /// The values of its rows at row `y` of the map: those of the disc, then the end of light.
@@ -131,6 +158,64 @@ impl Caster {
             distance[l] = f32::from_bits(on_plane.to_bits() | u32::from(covers).wrapping_sub(1));
         }
         distance
+    }
+}
+
+/// What parallel rays show of `LANES` discs.
+struct Shown {
+    /// Least and greatest x, then y, on the plane of the view.
+    bounds: [[Lanes; 2]; 2],
+    tolerance: Lanes,
+    /// How far behind the ground their ends of light are at the least.
+    behind: Lanes,
+    /// First and last column, then row, of the texels whose middles lie within their bounds.
+    texels: [[[i32; LANES]; 2]; 2],
+    /// 1 where there are such texels, else 0.
+    is_on_map: [u32; LANES],
+}
+
+impl Shown {
+    #[inline(always)]
+    fn of(discs: &Discs, half: &Lanes, epsilon: f32, on: &Onto<'_>) -> Self {
+        let Onto { area, ground, .. } = on;
+        let (c, [u, v]) = (&discs.seen, &discs.axes);
+        let zero = [[[0.0; LANES]; 2]; 2];
+        let (mut bounds, mut texels, mut is_on_map) = (zero, [[[0; LANES]; 2]; 2], [1; LANES]);
+        for n in 0..2 {
+            let (first, texel, last) = (area.first[n], area.texel, (area.size[n] - 1) as f32);
+            for l in 0..LANES {
+                let extent = (u[n][l] * u[n][l] + v[n][l] * v[n][l]).sqrt();
+                let (low, high) = (c[n][l] - extent, c[n][l] + extent);
+                (bounds[n][0][l], bounds[n][1][l]) = (low, high);
+                let [low, high] = [low, high].map(|place| (place - first) / texel - 0.5);
+                // Not `ceil`, which is a call without SSE4.
+                let before = low.max(0.0) as i32;
+                let begin = before + i32::from((before as f32) < low);
+                let end = high.min(last) as i32;
+                (texels[n][0][l], texels[n][1][l]) = (begin, end);
+                is_on_map[l] &= u32::from((low <= last) & (high >= 0.0) & (begin <= end));
+            }
+        }
+        let [of_centre, of_seen] = [lengths(&discs.centre), lengths(c)];
+        let middle = ground.middles(c);
+        let (mut tolerance, mut behind) = ([0.0; LANES], [0.0; LANES]);
+        for l in 0..LANES {
+            let normal = [
+                u[1][l] * v[2][l] - v[1][l] * u[2][l],
+                u[2][l] * v[0][l] - v[2][l] * u[0][l],
+                u[0][l] * v[1][l] - v[0][l] * u[1][l],
+            ];
+            let length = (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt();
+            let cosine = (normal[2] / length).abs().max(GRAZING);
+            let rounding = ROUNDING * (of_centre[l] + of_seen[l]);
+            tolerance[l] = epsilon.max(rounding) / cosine;
+            behind[l] = middle[l] - half[l] + tolerance[l];
+        }
+        Self { bounds, tolerance, behind, texels, is_on_map }
+    }
+
+    fn covered(&self, l: usize) -> [[f32; 2]; 2] {
+        self.bounds.map(|ends| ends.map(|end| end[l]))
     }
 }
 
@@ -160,20 +245,16 @@ pub(super) fn of(casters: &[Vec<Caster>], number: u32) -> &Caster {
     &casters[number as usize / RUN][number as usize % RUN]
 }
 
-/// Least and greatest x, then y, of a disc on the plane of a view: of one that reaches behind a point light, all.
-fn covered(c: Vec3, [u, v]: [Vec3; 2], view: &LightView) -> [[f32; 2]; 2] {
+/// Least and greatest x, then y, of a disc on the plane of a point light's view: of one that reaches behind the light,
+/// all.
+fn covered(c: Vec3, [u, v]: [Vec3; 2]) -> [[f32; 2]; 2] {
     let corners = [c + u + v, c + u - v, c - u + v, c - u - v];
-    let reaches_light = view.is_point && corners.iter().any(|corner| corner.z <= 1e-3 * c.z.abs());
+    if corners.iter().any(|corner| corner.z <= 1e-3 * c.z.abs()) {
+        return [[f32::NEG_INFINITY, f32::INFINITY]; 2];
+    }
     [0, 1].map(|n: usize| {
-        if reaches_light {
-            [f32::NEG_INFINITY, f32::INFINITY]
-        } else if view.is_point {
-            let places = corners.map(|corner| corner[n] / corner.z);
-            [places.into_iter().fold(f32::INFINITY, f32::min), places.into_iter().fold(f32::NEG_INFINITY, f32::max)]
-        } else {
-            let extent = (u[n] * u[n] + v[n] * v[n]).sqrt();
-            [c[n] - extent, c[n] + extent]
-        }
+        let places = corners.map(|corner| corner[n] / corner.z);
+        [places.into_iter().fold(f32::INFINITY, f32::min), places.into_iter().fold(f32::NEG_INFINITY, f32::max)]
     })
 }
 

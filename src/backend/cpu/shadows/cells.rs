@@ -6,8 +6,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec3;
 
+use super::discs::dot;
 use super::run::Run;
 use super::view::LightView;
+use crate::backend::cpu::tiles::{LANES, Lanes};
 
 /// Cells of a side of the plane.
 const SIDE: usize = 64;
@@ -63,10 +65,15 @@ impl Ground {
         Self { linear, in_world: view.turned_back(linear), is_point: view.is_point }
     }
 
-    /// Half of what `linear` changes by within a disc with these axes, as the view has them.
-    pub(super) fn of_disc(&self, [u, v]: [Vec3; 2]) -> f32 {
-        let [u, v] = [u, v].map(|axis| self.linear.dot(axis));
-        (u * u + v * v).sqrt()
+    /// Half of what `linear` changes by within discs with these axes, as the view has them.
+    #[inline(always)]
+    pub(super) fn of_discs(&self, axes: &[[Lanes; 3]; 2]) -> Lanes {
+        let [u, v] = [&axes[0], &axes[1]].map(|axis| dot(self.linear, axis));
+        let mut half = [0.0; LANES];
+        for l in 0..LANES {
+            half[l] = (u[l] * u[l] + v[l] * v[l]).sqrt();
+        }
+        half
     }
 
     /// The same for a box of the world.
@@ -88,6 +95,12 @@ impl Ground {
         let ends = [-(1.0 + middle - half), -(1.0 + middle + half)];
         let ends = [ends[0] / near, ends[0] / far, ends[1] / near, ends[1] / far];
         [ends.into_iter().fold(f32::INFINITY, f32::min), ends.into_iter().fold(f32::NEG_INFINITY, f32::max)]
+    }
+
+    /// How far behind the ground discs lie in the middle, where rays are parallel.
+    #[inline(always)]
+    pub(super) fn middles(&self, places: &[Lanes; 3]) -> Lanes {
+        dot(self.linear, places)
     }
 
     /// By how much an end of light that is moved away by `tolerance` at `distance` lies farther behind the ground, at
@@ -143,7 +156,10 @@ impl Cells {
         let cells = self.behind.get_or_init(|| (0..SIDE * SIDE).map(|_| AtomicU32::new(0)).collect());
         for row in cells.chunks_exact(SIDE).take(bottom + 1).skip(top) {
             for cell in &row[left..=right] {
-                cell.fetch_max(key(behind), Ordering::Relaxed);
+                // Most change nothing, and to look is cheaper.
+                if cell.load(Ordering::Relaxed) < key(behind) {
+                    cell.fetch_max(key(behind), Ordering::Relaxed);
+                }
             }
         }
     }

@@ -5,10 +5,13 @@ use rayon::prelude::*;
 
 use super::cells::{Cells, Ground};
 use super::centres::Centres;
+use super::discs::{point, turn};
 use super::run::Run;
 use super::view::LightView;
+use crate::backend::cpu::columns::Columns;
 use crate::backend::cpu::tiles::LANES;
 use crate::frame::{Blocks, Frame, PosedSample, Raster};
+use crate::math::simd::dispatch;
 
 /// Slices of the depth before the camera. Two end at twice the depth at which they begin.
 pub(in crate::backend) const SLICES: usize = 80;
@@ -112,47 +115,14 @@ impl Fit {
         frame: &Frame,
     ) -> Self {
         let nothing = || vec![NOTHING; views.len() * SLICES];
-        let camera = sample.world_from_camera.transpose();
-        let size = raster.size.map(|pixels| pixels as f32);
-        let margin = margin(frame, raster);
-        let ends = slopes(raster, margin);
-        let lengths = ends.map(|ends| ends.map(|slope: f32| (1.0 + slope * slope).sqrt()));
-        let slices = |view| Slice::all(view, (raster, margin), frame.near, sample.world_from_camera);
+        let eye = Eye::new(sample, raster, frame);
+        let slices = |view| Slice::all(view, (raster, eye.margin), frame.near, sample.world_from_camera);
         let slices: Vec<Slice> = views.iter().flat_map(slices).collect();
-        // Where blocks alone are rendered, what they show.
-        let wanted = wanted(frame);
-        let is_wanted = |at: [f32; 2], depth: f32, radius: f32| {
-            let Some(blocks) = wanted else { return true };
-            if depth - radius < frame.near {
-                return true;
-            }
-            let pixels = [0, 1].map(|c: usize| {
-                let ends = [at[c] - radius, at[c] + radius];
-                let place = |end: f32, depth: f32| raster.axis[c] + raster.focal * end / depth;
-                // An end is farthest out at the nearer of the depths.
-                let [low, high] = ends.map(|end| [place(end, depth - radius), place(end, depth + radius)]);
-                let within = |pixel: f32| pixel.clamp(0.0, (size[c] - 1.0).max(0.0)) as usize;
-                [within(low[0].min(low[1]) - 3.0), within(high[0].max(high[1]) + 3.0)]
-            });
-            blocks.touch(raster.first, [pixels[0][0], pixels[0][1], pixels[1][0], pixels[1][1]])
-        };
-        // Does the camera see any of a ball? It sees nothing of one that is not finite.
-        let sees = |centre: Vec3, radius: f32| {
-            let p = camera * centre;
-            let (at, depth) = ([p.x, -p.y], -p.z);
-            let outside = |c: usize| {
-                let ([low, high], [before, beyond]) = (ends[c], lengths[c].map(|length| length * radius));
-                at[c] - low * depth < -before || at[c] - high * depth > beyond
-            };
-            let reaches = (depth + radius).is_finite() && depth + radius >= frame.near;
-            reaches && !outside(0) && !outside(1) && is_wanted(at, depth, radius)
-        };
-        let depth = |place: Vec3| -(camera * place).z;
         // The centres of Gaussians that are seen ask maps, although they may lie beside the image: (view and slice,
         // their place in the view, depth).
         let asks = |centre: Vec3, radius: f32, ask: &mut dyn FnMut(usize, Vec3, f32)| {
-            let depth = depth(centre);
-            if depth >= frame.near && sees(centre, radius) {
+            let (depth, sees) = eye.sees_ball(centre, radius);
+            if depth >= frame.near && sees {
                 for (number, view) in views.iter().enumerate() {
                     ask(number * SLICES + slice_of(depth, frame.near), view.place(centre), depth);
                 }
@@ -172,38 +142,17 @@ impl Fit {
         let centres_seen: Vec<Seen> = centres.par_iter().fold(nothing, of_centres).reduce(nothing, join);
         let cells: Vec<_> = slices.iter().zip(&centres_seen).map(|(slice, seen)| slice.cells_with(seen)).collect();
         // One surfel that is far away makes a run too large for numbers.
-        let may_see = |run: &&Run<'_>| run.opacity.is_none() && (!run.reach.is_finite() || sees(run.middle, run.reach));
+        let may_see = |run: &&Run<'_>| {
+            run.opacity.is_none() && (!run.reach.is_finite() || eye.sees_ball(run.middle, run.reach).1)
+        };
         let seen_runs: Vec<_> = runs.iter().filter(may_see).collect();
-        let weight = |run: &Run<'_>| (run.reach / depth(run.middle).max(frame.near)).powi(2);
+        let weight = |run: &Run<'_>| (run.reach / eye.sees_ball(run.middle, 0.0).0.max(frame.near)).powi(2);
         let weights: Vec<_> = seen_runs.iter().map(|run| (*run, weight(run))).collect();
         let plane = Ground::vote(&weights);
         let grounds: Vec<_> = views.iter().map(|view| Ground::seen_by(view, plane)).collect();
+        let receivers = Receivers { eye: &eye, views, slices: &slices, cells: &cells, grounds: &grounds };
         let of_run = |mut seen: Vec<Seen>, run: &&Run<'_>| {
-            let by_view: Vec<_> = views.iter().map(|view| run.seen_by(view)).collect();
-            for i in 0..run.len {
-                let (centre, radius) = (run.centre(i), run.radius(i));
-                if !sees(centre, radius) {
-                    continue;
-                }
-                let depth = depth(centre);
-                let (from, to) = ((depth - radius).max(frame.near), depth + radius);
-                for (number, view) in views.iter().enumerate() {
-                    let place = view.place(centre);
-                    let Some(shown) = on_view(view, place, radius) else { continue };
-                    let half = SLACK * grounds[number].of_disc(by_view[number].axes(i));
-                    let [_, behind] = grounds[number].behind(place, radius, half);
-                    for slice in slice_of(from, frame.near)..=slice_of(to, frame.near) {
-                        let at = number * SLICES + slice;
-                        let nearest = from.max(slices[at].start);
-                        if let Some(shown) = slices[at].shows(shown, nearest, place.z + radius) {
-                            seen[at] = seen[at].and(shown);
-                            if !view.is_beside(place, radius) {
-                                cells[at].receive(shown.bounds, behind);
-                            }
-                        }
-                    }
-                }
-            }
+            receive(&receivers, run, &mut seen);
             seen
         };
         centres.par_iter().flat_map_iter(Centres::each).for_each(|(centre, radius)| {
@@ -258,6 +207,124 @@ impl Fit {
             MapArea { first, texel: texel as f32, size }
         };
         self.seen.iter().map(area).collect()
+    }
+}
+
+/// What the camera sees.
+struct Eye<'a> {
+    from_world: Mat3,
+    raster: &'a Raster,
+    margin: f32,
+    /// Slopes of the sides of the image, and the lengths of vectors of depth 1 along them.
+    ends: [[f32; 2]; 2],
+    lengths: [[f32; 2]; 2],
+    near: f32,
+    /// Where blocks alone are rendered, what they show.
+    wanted: Option<&'a Blocks>,
+}
+
+impl<'a> Eye<'a> {
+    fn new(sample: &PosedSample, raster: &'a Raster, frame: &'a Frame) -> Self {
+        let margin = margin(frame, raster);
+        let ends = slopes(raster, margin);
+        let lengths = ends.map(|ends| ends.map(|slope: f32| (1.0 + slope * slope).sqrt()));
+        let from_world = sample.world_from_camera.transpose();
+        Self { from_world, raster, margin, ends, lengths, near: frame.near, wanted: wanted(frame) }
+    }
+
+    /// The depth of a ball, and whether the camera sees any of it.
+    fn sees_ball(&self, centre: Vec3, radius: f32) -> (f32, bool) {
+        let ([depth], [sees]) = self.sees(&centre.to_array().map(|x| [x]), &[radius]);
+        (depth, sees != 0)
+    }
+
+    /// The depths of balls, and 1 for each that the camera sees any of, else 0. It sees nothing of one that is not
+    /// finite.
+    #[inline(always)]
+    fn sees<const N: usize>(&self, centres: &[[f32; N]; 3], radii: &[f32; N]) -> ([f32; N], [u32; N]) {
+        let mut at = turn(&self.from_world, centres);
+        let mut sees = [0; N];
+        for l in 0..N {
+            (at[1][l], at[2][l]) = (-at[1][l], -at[2][l]);
+            let (depth, radius) = (at[2][l], radii[l]);
+            let mut outside = false;
+            for c in 0..2 {
+                let ([low, high], [before, beyond]) = (self.ends[c], self.lengths[c].map(|length| length * radius));
+                outside |= (at[c][l] - low * depth < -before) | (at[c][l] - high * depth > beyond);
+            }
+            sees[l] = u32::from((depth + radius).is_finite() & (depth + radius >= self.near) & !outside);
+        }
+        if let Some(blocks) = self.wanted {
+            for l in 0..N {
+                sees[l] &= u32::from(self.wants(blocks, [at[0][l], at[1][l]], at[2][l], radii[l]));
+            }
+        }
+        (at[2], sees)
+    }
+
+    /// Does a ball touch a block that is wanted? `at`: its place to the right and downwards.
+    fn wants(&self, blocks: &Blocks, at: [f32; 2], depth: f32, radius: f32) -> bool {
+        if depth - radius < self.near {
+            return true;
+        }
+        let Raster { axis, focal, size, first, .. } = self.raster;
+        let pixels = [0, 1].map(|c: usize| {
+            let ends = [at[c] - radius, at[c] + radius];
+            let place = |end: f32, depth: f32| axis[c] + focal * end / depth;
+            // An end is farthest out at the nearer of the depths.
+            let [low, high] = ends.map(|end| [place(end, depth - radius), place(end, depth + radius)]);
+            let within = |pixel: f32| pixel.clamp(0.0, (size[c] as f32 - 1.0).max(0.0)) as usize;
+            [within(low[0].min(low[1]) - 3.0), within(high[0].max(high[1]) + 3.0)]
+        });
+        blocks.touch(*first, [pixels[0][0], pixels[0][1], pixels[1][0], pixels[1][1]])
+    }
+}
+
+/// What is noted of receivers.
+struct Receivers<'a> {
+    eye: &'a Eye<'a>,
+    views: &'a [LightView],
+    /// View by view.
+    slices: &'a [Slice],
+    cells: &'a [Cells],
+    /// One for each view.
+    grounds: &'a [Ground],
+}
+
+dispatch! {
+    /// Notes what the views show of the surfels of a run that the camera may see.
+    fn receive(on: &Receivers<'_>, run: &Run<'_>, seen: &mut [Seen]) = receive_body
+}
+
+#[inline(always)]
+fn receive_body(on: &Receivers<'_>, run: &Run<'_>, seen: &mut [Seen]) {
+    let near = on.eye.near;
+    let mut columns = Columns::default();
+    run.load(&mut columns);
+    for first in (0..run.len).step_by(LANES) {
+        let [position, u, v] = columns.lanes(first);
+        let (centres, radii) = (run.centres(&position), run.radii(&u, &v));
+        let (depths, sees) = on.eye.sees(&centres, &radii);
+        for (number, (view, ground)) in on.views.iter().zip(on.grounds).enumerate() {
+            let half = ground.of_discs(&run.seen_by(view).axes([&u, &v]));
+            let places = view.places(&centres);
+            for l in 0..LANES.min(run.len - first) {
+                let (depth, radius, place) = (depths[l], radii[l], point(&places, l));
+                let Some(shown) = on_view(view, place, radius).filter(|_| sees[l] != 0) else { continue };
+                let [_, behind] = ground.behind(place, radius, SLACK * half[l]);
+                let (from, to) = ((depth - radius).max(near), depth + radius);
+                for slice in slice_of(from, near)..=slice_of(to, near) {
+                    let at = number * SLICES + slice;
+                    let nearest = from.max(on.slices[at].start);
+                    if let Some(shown) = on.slices[at].shows(shown, nearest, place.z + radius) {
+                        seen[at] = seen[at].and(shown);
+                        if !view.is_beside(place, radius) {
+                            on.cells[at].receive(shown.bounds, behind);
+                        }
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -7,10 +7,12 @@ use rayon::prelude::*;
 
 use super::ROUNDING;
 use super::caster::{Caster, Onto, of};
+use super::discs::Discs;
 use super::fit::MapArea;
 use super::layers::{Layers, Veil};
 use super::run::{RUN, Run};
 use super::splats::Splats;
+use crate::backend::cpu::columns::Columns;
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 
@@ -88,25 +90,11 @@ impl ShadowMap {
         self.casters.par_iter_mut().skip(count).for_each(Vec::clear);
         let (of_opaque, others) = self.casters.split_at_mut(opaque.len());
         let (of_splats, of_veils) = others.split_at_mut(splats.len());
-        of_opaque.par_iter_mut().zip(opaque).for_each(|(casters, run)| {
-            casters.clear();
-            let seen = run.seen_by(on.view);
-            casters.extend((0..run.len).filter_map(|i| Caster::of(&seen, i, on)).map(|(caster, _)| caster));
-        });
-        of_splats.par_iter_mut().zip(&splats).for_each(|(casters, splats)| {
-            casters.clear();
-            casters.extend(splats.discs.iter().filter_map(|disc| Caster::of_splat(disc, on)));
-        });
+        of_opaque.par_iter_mut().zip(opaque).for_each(|(casters, run)| casters_of_run(run, on, casters, None));
+        of_splats.par_iter_mut().zip(&splats).for_each(|(casters, splats)| casters_of_splats(splats, on, casters));
         self.veils.resize_with(veiled.len().max(self.veils.len()), Vec::new);
         of_veils.par_iter_mut().zip(&mut self.veils).zip(veiled).for_each(|((casters, veils), run)| {
-            casters.clear();
-            veils.clear();
-            let seen = run.seen_by(on.view);
-            for i in 0..run.len {
-                let Some((caster, moved)) = Caster::of(&seen, i, on) else { continue };
-                casters.push(caster);
-                veils.push(Veil { opacity: run.opacity_of(i), moved });
-            }
+            casters_of_run(run, on, casters, Some(veils));
         });
         // A row has room for the lanes that begin at its last texel.
         self.stride = columns + LANES;
@@ -177,6 +165,45 @@ impl ShadowMap {
         let (size, scale) = (place.length(), distance.abs());
         let rounding = ROUNDING * if is_point { scale * (1.0 + size * scale) } else { size + scale };
         distance <= end + rounding
+    }
+}
+
+dispatch! {
+    /// The surfels of a run that are drawn; and more of them, if light passes through.
+    fn casters_of_run(run: &Run<'_>, on: &Onto<'_>, casters: &mut Vec<Caster>, veils: Option<&mut Vec<Veil>>) =
+        casters_of_run_body
+}
+
+#[inline(always)]
+fn casters_of_run_body(run: &Run<'_>, on: &Onto<'_>, casters: &mut Vec<Caster>, mut veils: Option<&mut Vec<Veil>>) {
+    casters.clear();
+    if let Some(veils) = &mut veils {
+        veils.clear();
+    }
+    let seen = run.seen_by(on.view);
+    let mut columns = Columns::default();
+    run.load(&mut columns);
+    for first in (0..run.len).step_by(LANES) {
+        let discs = seen.discs(&columns.lanes(first));
+        Caster::of(&discs, LANES.min(run.len - first), run.object.epsilon, on, |l, caster, moved| {
+            casters.push(caster);
+            if let Some(veils) = &mut veils {
+                veils.push(Veil { opacity: run.opacity_of(first + l), moved });
+            }
+        });
+    }
+}
+
+dispatch! {
+    /// The discs of Gaussians that are drawn. Nothing but rounding moves them away.
+    fn casters_of_splats(splats: &Splats, on: &Onto<'_>, casters: &mut Vec<Caster>) = casters_of_splats_body
+}
+
+#[inline(always)]
+fn casters_of_splats_body(splats: &Splats, on: &Onto<'_>, casters: &mut Vec<Caster>) {
+    casters.clear();
+    for discs in splats.discs.chunks(LANES) {
+        Caster::of(&Discs::of(discs, on.view), discs.len(), 0.0, on, |_, caster, _| casters.push(caster));
     }
 }
 

@@ -11,6 +11,7 @@
 mod caster;
 mod cells;
 pub(in crate::backend) mod centres;
+mod discs;
 pub(in crate::backend) mod fit;
 mod layers;
 pub(in crate::backend) mod map;

@@ -5,14 +5,17 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
+use super::discs::{Discs, turn};
 use super::view::LightView;
-use crate::backend::clusters::{CLUSTER_SURFELS, Cluster, Clusters};
+use crate::backend::clusters::{Cluster, Clusters};
+use crate::backend::cpu::columns::{self, Columns, add_rates, transform};
+use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::frame::{Frame, FrameObject, PosedObject, PosedSample};
 use crate::model::Surfels;
 use crate::model::paths::Paths;
 
 /// Most surfels of a run.
-pub(super) const RUN: usize = CLUSTER_SURFELS;
+pub(super) const RUN: usize = columns::RUN;
 
 /// Angle between normals below which a run is flat, radians.
 const SPREAD_OF_FLAT: f32 = 0.02;
@@ -100,20 +103,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Centre `i` in the model.
-    fn in_model(&self, i: usize) -> Vec3 {
-        let i = self.first + i;
-        self.paths.place(self.surfels.position[i], i, self.object.elapsed)
+    /// Its surfels in the model.
+    #[inline(always)]
+    pub(super) fn load(&self, columns: &mut Columns) {
+        let range = self.first..self.first + self.len;
+        columns.load(self.surfels, range.clone());
+        add_rates(&mut columns.position, &self.paths, range, self.object.elapsed);
     }
 
-    /// Centre `i`, relative to the eye, world axes.
-    pub(super) fn centre(&self, i: usize) -> Vec3 {
-        self.object.world_from_model * self.in_model(i) + self.origin
-    }
-
-    /// Axes of surfel `i` in the model.
-    fn axes(&self, i: usize) -> [Vec3; 2] {
-        [self.surfels.axis_u[self.first + i], self.surfels.axis_v[self.first + i]]
+    /// Centres relative to the eye, world axes, from those in the model.
+    #[inline(always)]
+    pub(super) fn centres(&self, in_model: &[Lanes; 3]) -> [Lanes; 3] {
+        transform(&self.object.world_from_model, self.origin, in_model)
     }
 
     /// Opacity of surfel `i`, in [0, 1].
@@ -122,10 +123,15 @@ impl<'a> Run<'a> {
         self.opacity.map_or(1.0, |opacity| opacity * own)
     }
 
-    /// A radius within which surfel `i` lies around its centre.
-    pub(super) fn radius(&self, i: usize) -> f32 {
-        let [u, v] = self.axes(i).map(Vec3::length_squared);
-        (u + v).sqrt() * self.stretch
+    /// Radii within which surfels with these axes in the model lie around their centres.
+    #[inline(always)]
+    pub(super) fn radii(&self, u: &[Lanes; 3], v: &[Lanes; 3]) -> Lanes {
+        let mut radii = [0.0; LANES];
+        for l in 0..LANES {
+            let [u, v] = [u, v].map(|axis| axis[0][l] * axis[0][l] + axis[1][l] * axis[1][l] + axis[2][l] * axis[2][l]);
+            radii[l] = (u + v).sqrt() * self.stretch;
+        }
+        radii
     }
 
     /// The surfels as `view` shows them.
@@ -143,13 +149,19 @@ pub(super) struct SeenRun<'a> {
 }
 
 impl SeenRun<'_> {
-    /// Centre of surfel `i`, in the view's axes.
-    pub(super) fn centre(&self, i: usize) -> Vec3 {
-        self.from_model * self.run.in_model(i) + self.origin
+    /// Surfels of the model, as the view sees them.
+    #[inline(always)]
+    pub(super) fn discs(&self, [position, u, v]: &[[Lanes; 3]; 3]) -> Discs {
+        Discs {
+            centre: self.run.centres(position),
+            seen: transform(&self.from_model, self.origin, position),
+            axes: self.axes([u, v]),
+        }
     }
 
-    /// Axes of surfel `i`, in those of the view.
-    pub(super) fn axes(&self, i: usize) -> [Vec3; 2] {
-        self.run.axes(i).map(|axis| self.from_model * axis)
+    /// Axes of surfels of the model, in those of the view.
+    #[inline(always)]
+    pub(super) fn axes(&self, of_model: [&[Lanes; 3]; 2]) -> [[Lanes; 3]; 2] {
+        of_model.map(|axis| turn(&self.from_model, axis))
     }
 }

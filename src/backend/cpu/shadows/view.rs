@@ -2,6 +2,7 @@
 
 use glam::{Mat3, Vec3};
 
+use super::discs::turn;
 use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::shading::ShadingLight;
 
@@ -110,6 +111,18 @@ impl LightView {
     /// A place in the view's axes.
     pub(super) fn place(&self, p: Vec3) -> Vec3 {
         self.axes * (p - self.origin)
+    }
+
+    /// Places in the view's axes.
+    #[inline(always)]
+    pub(super) fn places(&self, p: &[Lanes; 3]) -> [Lanes; 3] {
+        let mut relative = *p;
+        for c in 0..3 {
+            for l in 0..LANES {
+                relative[c][l] -= self.origin[c];
+            }
+        }
+        turn(&self.axes, &relative)
     }
 
     /// `LANES` places on the plane of a view whose rays are parallel, and the distances along them.
