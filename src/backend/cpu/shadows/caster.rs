@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec3};
 
 use super::cells::{Cells, Ground};
-use super::discs::{Discs, lengths};
+use super::discs::{Discs, lengths, point};
 use super::fit::{MapArea, on_view};
 use super::run::RUN;
 use super::view::LightView;
@@ -15,12 +15,32 @@ use crate::backend::cpu::tiles::{LANES, Lanes};
 pub(super) struct Caster {
     /// (a, b) on the disc, in units of its axes, times c: each as (x, y, 1) times a row.
     disc: [Vec3; 3],
-    /// The distance of its plane at (x, y, 1), as [`LightView::on_plane`] has it.
-    pub plane: Vec3,
-    /// Added to it.
-    pub tolerance: f32,
     /// First and last column, then row.
     pub bounds: [[u16; 2]; 2],
+}
+
+/// Where a caster stops light. Apart from it, as this alone is looked up.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Plane {
+    /// The distance of its plane at (x, y, 1), as [`LightView::on_plane`] has it.
+    pub distance: Vec3,
+    /// Added to it.
+    pub tolerance: f32,
+}
+
+/// The casters of a map: the number of each is that of its run times [`RUN`], and its place in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Casters<'a> {
+    pub of_runs: &'a [Vec<Caster>],
+    pub planes: &'a [Plane],
+}
+
+impl<'a> Casters<'a> {
+    #[inline(always)]
+    pub(super) fn of(self, number: u32) -> (&'a Caster, &'a Plane) {
+        let number = number as usize;
+        (&self.of_runs[number / RUN][number % RUN], &self.planes[number])
+    }
 }
 
 /// How an end of light lies behind the surfel that stops it: its distance is that of the surfel over a factor, plus a
@@ -65,8 +85,8 @@ impl Onto<'_> {
 }
 
 impl Caster {
-    /// Hands on those of `count` discs that may cast a shadow that is seen: number of the disc, caster, and how its end
-    /// of light is moved. `epsilon`: their depth tolerance. A disc casts with both sides, whichever of them shows: each
+    /// Hands on those of `count` discs that may cast a shadow that is seen: number of the disc, caster, its plane, and
+    /// how its end of light is moved. `epsilon`: their depth tolerance. A disc casts with both sides, whichever of them shows: each
     /// sheet has a shadow, and the backs of a closed model lie behind its fronts.
     #[inline(always)]
     pub(super) fn of(
@@ -74,13 +94,13 @@ impl Caster {
         count: usize,
         epsilon: f32,
         on: &Onto<'_>,
-        mut take: impl FnMut(usize, Self, Moved),
+        mut take: impl FnMut(usize, Self, Plane, Moved),
     ) {
         let half = on.ground.of_discs(&discs.axes);
         if on.view.is_point {
             for l in 0..count {
-                if let Some((caster, moved)) = Self::before_point(discs.at(l), half[l], epsilon, on) {
-                    take(l, caster, moved);
+                if let Some((caster, plane, moved)) = Self::before_point(discs.at(l), half[l], epsilon, on) {
+                    take(l, caster, plane, moved);
                 }
             }
             return;
@@ -91,13 +111,11 @@ impl Caster {
             if shown.is_on_map[l] == 0 || on.hides(shown.covered(l), shown.behind[l]) {
                 continue;
             }
-            let (_, c, axes) = discs.at(l);
-            let (disc, plane) = seen_parallel(c, axes, on.area);
+            let bounds = shown.texels.map(|ends| ends.map(|end| end[l] as u16));
+            let [a, b, distance] = [0, 1, 2].map(|row: usize| point(&shown.rows[row], l));
             let tolerance = shown.tolerance[l];
-            if plane.is_finite() && disc[0].is_finite() && disc[1].is_finite() && tolerance.is_finite() {
-                let bounds = shown.texels.map(|ends| ends.map(|end| end[l] as u16));
-                take(l, Self { disc, plane, tolerance, bounds }, Moved { factor: 1.0, by: tolerance });
-            }
+            let plane = Plane { distance, tolerance };
+            take(l, Self { disc: [a, b, Vec3::Z], bounds }, plane, Moved { factor: 1.0, by: tolerance });
         }
     }
 
@@ -108,7 +126,7 @@ impl Caster {
         half: f32,
         epsilon: f32,
         on: &Onto<'_>,
-    ) -> Option<(Self, Moved)> {
+    ) -> Option<(Self, Plane, Moved)> {
         let Onto { area, view, ground, .. } = on;
         // What is beside a face of the cube is on another.
         let radius = (u.length_squared() + v.length_squared()).sqrt();
@@ -131,30 +149,30 @@ impl Caster {
         let (disc, plane) = seen_from_point(c, [u, v], area);
         // The plane itself is moved away.
         let factor = 1.0 + tolerance / c.length();
-        let plane = plane / factor;
-        let is_finite = plane.is_finite() && disc[0].is_finite() && disc[1].is_finite() && tolerance.is_finite();
-        is_finite.then_some((Self { disc, plane, tolerance: 0.0, bounds }, Moved { factor, by: 0.0 }))
+        let plane = Plane { distance: plane / factor, tolerance: 0.0 };
+        let is_finite = plane.distance.is_finite() && disc[0].is_finite() && disc[1].is_finite();
+        is_finite.then_some((Self { disc, bounds }, plane, Moved { factor, by: 0.0 }))
     }
 
     /// The values of its rows at row `y` of the map: those of the disc, then the end of light.
     #[inline(always)]
-    pub(super) fn on_row(&self, y: usize) -> [f32; 4] {
+    pub(super) fn on_row(&self, plane: &Plane, y: usize) -> [f32; 4] {
         let at = |row: Vec3| row.y * y as f32 + row.z;
         let [a, b, c] = self.disc.map(at);
-        [a, b, c, at(self.plane) + self.tolerance]
+        [a, b, c, at(plane.distance) + plane.tolerance]
     }
 
     /// The distances at which light ends at `LANES` texels from column `x` on, of a row with these values; not numbers
     /// where it does not cover them.
     #[inline(always)]
-    pub(super) fn ends(&self, [a0, b0, c0, plane]: [f32; 4], x: usize) -> Lanes {
+    pub(super) fn ends(&self, plane: &Plane, [a0, b0, c0, distance0]: [f32; 4], x: usize) -> Lanes {
         // Masks of bits keep the loop in vectors; branches would not.
         let mut distance = [0.0_f32; LANES];
         for l in 0..LANES {
             let x = (x + l) as f32;
             let (a, b, c) = (a0 + self.disc[0].x * x, b0 + self.disc[1].x * x, c0 + self.disc[2].x * x);
             let covers = (a * a + b * b <= c * c) & (c > 0.0);
-            let on_plane = plane + self.plane.x * x;
+            let on_plane = distance0 + plane.distance.x * x;
             distance[l] = f32::from_bits(on_plane.to_bits() | u32::from(covers).wrapping_sub(1));
         }
         distance
@@ -170,7 +188,9 @@ struct Shown {
     behind: Lanes,
     /// First and last column, then row, of the texels whose middles lie within their bounds.
     texels: [[[i32; LANES]; 2]; 2],
-    /// 1 where there are such texels, else 0.
+    /// Rows (x, y, 1) of their axes, and of their planes.
+    rows: [[Lanes; 3]; 3],
+    /// 1 where there are such texels and all is finite, else 0.
     is_on_map: [u32; LANES],
 }
 
@@ -211,7 +231,32 @@ impl Shown {
             tolerance[l] = epsilon.max(rounding) / cosine;
             behind[l] = middle[l] - half[l] + tolerance[l];
         }
-        Self { bounds, tolerance, behind, texels, is_on_map }
+        let rows = Self::rows(discs, area);
+        for l in 0..LANES {
+            // What is not finite in any of them is not in their sum.
+            let sum: f32 = rows.iter().map(|row| row[0][l].abs() + row[1][l].abs() + row[2][l].abs()).sum();
+            is_on_map[l] &= u32::from((sum + tolerance[l]).is_finite());
+        }
+        Self { bounds, tolerance, behind, texels, rows, is_on_map }
+    }
+
+    #[inline(always)]
+    fn rows(discs: &Discs, area: &MapArea) -> [[Lanes; 3]; 3] {
+        let (c, [u, v]) = (&discs.seen, &discs.axes);
+        let mut rows = [[[0.0; LANES]; 3]; 3];
+        for l in 0..LANES {
+            let over = area.texel / (u[0][l] * v[1][l] - v[0][l] * u[1][l]);
+            // The centre, in texels.
+            let [x, y] = [0, 1].map(|n: usize| (c[n][l] - area.first[n]) / area.texel - 0.5);
+            let row = |dx: f32, dy: f32| [dx * over, dy * over, -(dx * x + dy * y) * over];
+            let (a, b) = (row(v[1][l], -v[0][l]), row(-u[1][l], u[0][l]));
+            let distance = |n: usize| a[n] * u[2][l] + b[n] * v[2][l];
+            for n in 0..3 {
+                (rows[0][n][l], rows[1][n][l], rows[2][n][l]) = (a[n], b[n], distance(n));
+            }
+            rows[2][2][l] += c[2][l];
+        }
+        rows
     }
 
     fn covered(&self, l: usize) -> [[f32; 2]; 2] {
@@ -219,17 +264,7 @@ impl Shown {
     }
 }
 
-/// Rows of a disc and of its plane, as [`Caster`] has them, where rays are parallel.
-fn seen_parallel(c: Vec3, [u, v]: [Vec3; 2], area: &MapArea) -> ([Vec3; 3], Vec3) {
-    let over = area.texel / (u.x * v.y - v.x * u.y);
-    // The centre, in texels.
-    let [x, y] = [0, 1].map(|n: usize| (c[n] - area.first[n]) / area.texel - 0.5);
-    let row = |dx: f32, dy: f32| Vec3::new(dx * over, dy * over, -(dx * x + dy * y) * over);
-    let (a, b) = (row(v.y, -v.x), row(-u.y, u.x));
-    ([a, b, Vec3::Z], a * u.z + b * v.z + Vec3::Z * c.z)
-}
-
-/// The same where rays start at a point.
+/// Rows of a disc and of its plane, as [`Caster`] and [`Plane`] have them, where rays start at a point.
 fn seen_from_point(c: Vec3, [u, v]: [Vec3; 2], area: &MapArea) -> ([Vec3; 3], Vec3) {
     // The third row is what places are divided by.
     let third = Vec3::new(u.z, v.z, c.z);
@@ -237,12 +272,6 @@ fn seen_from_point(c: Vec3, [u, v]: [Vec3; 2], area: &MapArea) -> ([Vec3; 3], Ve
     let disc = Mat3::from_cols(row(0), row(1), third).inverse();
     // The columns of the inverse of the transposed matrix are the rows of the inverse.
     ([disc.x_axis, disc.y_axis, disc.z_axis], -disc.z_axis)
-}
-
-/// The caster of a number.
-#[inline(always)]
-pub(super) fn of(casters: &[Vec<Caster>], number: u32) -> &Caster {
-    &casters[number as usize / RUN][number as usize % RUN]
 }
 
 /// Least and greatest x, then y, of a disc on the plane of a point light's view: of one that reaches behind the light,

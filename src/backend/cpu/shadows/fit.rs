@@ -305,17 +305,35 @@ fn receive_body(on: &Receivers<'_>, run: &Run<'_>, seen: &mut [Seen]) {
         let [position, u, v] = columns.lanes(first);
         let (centres, radii) = (run.centres(&position), run.radii(&u, &v));
         let (depths, sees) = on.eye.sees(&centres, &radii);
+        if sees.iter().all(|&sees| sees == 0) {
+            continue;
+        }
+        let (mut from, mut slices) = ([0.0; LANES], [[0; LANES]; 2]);
+        for l in 0..LANES {
+            from[l] = (depths[l] - radii[l]).max(near);
+            slices[0][l] = slice_of(from[l], near);
+            slices[1][l] = slice_of(depths[l] + radii[l], near);
+        }
         for (number, (view, ground)) in on.views.iter().zip(on.grounds).enumerate() {
-            let half = ground.of_discs(&run.seen_by(view).axes([&u, &v]));
             let places = view.places(&centres);
-            for l in 0..LANES.min(run.len - first) {
-                let (depth, radius, place) = (depths[l], radii[l], point(&places, l));
-                let Some(shown) = on_view(view, place, radius).filter(|_| sees[l] != 0) else { continue };
-                let [_, behind] = ground.behind(place, radius, SLACK * half[l]);
-                let (from, to) = ((depth - radius).max(near), depth + radius);
-                for slice in slice_of(from, near)..=slice_of(to, near) {
+            let (middle, half) = (ground.middles(&places), ground.of_discs(&run.seen_by(view).axes([&u, &v])));
+            let (mut bounds, mut behind) = ([[[0.0; LANES]; 2]; 2], [0.0; LANES]);
+            for l in 0..LANES {
+                for c in 0..2 {
+                    (bounds[c][0][l], bounds[c][1][l]) = (places[c][l] - radii[l], places[c][l] + radii[l]);
+                }
+                behind[l] = middle[l] + SLACK * half[l];
+            }
+            for l in (0..LANES.min(run.len - first)).filter(|&l| sees[l] != 0) {
+                let (radius, place) = (radii[l], point(&places, l));
+                let (mut shown, mut behind) = (bounds.map(|ends| ends.map(|end| end[l])), behind[l]);
+                if view.is_point {
+                    let Some(of_point) = on_view(view, place, radius) else { continue };
+                    (shown, [_, behind]) = (of_point, ground.behind(place, radius, SLACK * half[l]));
+                }
+                for slice in slices[0][l]..=slices[1][l] {
                     let at = number * SLICES + slice;
-                    let nearest = from.max(on.slices[at].start);
+                    let nearest = from[l].max(on.slices[at].start);
                     if let Some(shown) = on.slices[at].shows(shown, nearest, place.z + radius) {
                         seen[at] = seen[at].and(shown);
                         if !view.is_beside(place, radius) {

@@ -6,7 +6,7 @@
 //! product of transmittances (stochastic transparency: Enderton et al. 2010, with a random number for each layer, not
 //! for each fragment).
 
-use super::caster::{Caster, Moved, of};
+use super::caster::{Casters, Moved};
 use super::run::RUN;
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
@@ -21,7 +21,7 @@ pub(super) struct Veil {
 
 /// The layers of a band of a map.
 pub(super) struct Layers<'a> {
-    pub casters: &'a [Vec<Caster>],
+    pub casters: &'a Casters<'a>,
     /// More of the casters of the last runs.
     pub veils: &'a [Vec<Veil>],
     /// Number of the first run that has any.
@@ -75,13 +75,13 @@ fn draw_layer_body(layers: &Layers<'_>, end: &[f32], last: &[f32], next: &mut [f
     let &Layers { casters, list, first, stride, .. } = layers;
     let rows = end.len() / stride;
     for &number in list {
-        let (of, Moved { factor, by: length }) = (of(casters, number), layers.veil(number).moved);
+        let ((of, plane), Moved { factor, by: length }) = (casters.of(number), layers.veil(number).moved);
         let [[left, right], [top, bottom]] = of.bounds.map(|ends| ends.map(usize::from));
         for y in top.max(first)..=bottom.min(first + rows - 1) {
-            let row = of.on_row(y);
+            let row = of.on_row(plane, y);
             for x in (left..=right).step_by(LANES) {
                 let begin = (y - first) * stride + x;
-                let distance = of.ends(row, x);
+                let distance = of.ends(plane, row, x);
                 for l in 0..LANES {
                     let (at, distance) = (begin + l, distance[l]);
                     // What it does not cover is not a number here.

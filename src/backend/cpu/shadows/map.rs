@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::ROUNDING;
-use super::caster::{Caster, Onto, of};
+use super::caster::{Caster, Casters, Onto, Plane};
 use super::discs::Discs;
 use super::fit::MapArea;
 use super::layers::{Layers, Veil};
@@ -27,6 +27,8 @@ pub(super) struct ShadowMap {
     scale: f32,
     /// Run by run.
     casters: Vec<Vec<Caster>>,
+    /// Their planes: that of a caster has its number.
+    planes: Vec<Plane>,
     /// More of those of see-through surfels, whose runs are the last.
     veils: Vec<Vec<Veil>>,
     ends: Ends,
@@ -42,7 +44,7 @@ pub(super) struct ShadowMap {
 struct Ends {
     /// The least distance, tolerance included, at which it does; infinite where nothing stops it.
     end: Vec<f32>,
-    /// The caster that stops it: the number of its run times [`RUN`], and its place in it.
+    /// The caster that stops it, if one does: the number of its run times [`RUN`], and its place in it.
     caster: Vec<u32>,
 }
 
@@ -51,7 +53,8 @@ impl Ends {
     fn clear(&mut self, texels: usize) {
         self.end.clear();
         self.end.resize(texels, f32::INFINITY);
-        self.caster.resize(texels, 0);
+        self.caster.clear();
+        self.caster.resize(texels, u32::MAX);
     }
 
     /// Bands of so many texels, in order.
@@ -88,13 +91,21 @@ impl ShadowMap {
         let (first_veil, count) = (opaque.len() + splats.len(), runs.len() + splats.len());
         self.casters.resize_with(count.max(self.casters.len()), Vec::new);
         self.casters.par_iter_mut().skip(count).for_each(Vec::clear);
+        self.planes.resize((count * RUN).max(self.planes.len()), Plane::default());
+        self.veils.resize_with(veiled.len().max(self.veils.len()), Vec::new);
         let (of_opaque, others) = self.casters.split_at_mut(opaque.len());
         let (of_splats, of_veils) = others.split_at_mut(splats.len());
-        of_opaque.par_iter_mut().zip(opaque).for_each(|(casters, run)| casters_of_run(run, on, casters, None));
-        of_splats.par_iter_mut().zip(&splats).for_each(|(casters, splats)| casters_of_splats(splats, on, casters));
-        self.veils.resize_with(veiled.len().max(self.veils.len()), Vec::new);
-        of_veils.par_iter_mut().zip(&mut self.veils).zip(veiled).for_each(|((casters, veils), run)| {
-            casters_of_run(run, on, casters, Some(veils));
+        let (planes, others) = self.planes.split_at_mut(opaque.len() * RUN);
+        let (planes_of_splats, planes_of_veils) = others.split_at_mut(splats.len() * RUN);
+        of_opaque.par_iter_mut().zip(planes.par_chunks_mut(RUN)).zip(opaque).for_each(|(out, run)| {
+            casters_of_run(run, on, out, None);
+        });
+        of_splats.par_iter_mut().zip(planes_of_splats.par_chunks_mut(RUN)).zip(&splats).for_each(|(out, splats)| {
+            casters_of_splats(splats, on, out);
+        });
+        let of_veils = of_veils.par_iter_mut().zip(planes_of_veils.par_chunks_mut(RUN));
+        of_veils.zip(&mut self.veils).zip(veiled).for_each(|((out, veils), run)| {
+            casters_of_run(run, on, out, Some(veils));
         });
         // A row has room for the lanes that begin at its last texel.
         self.stride = columns + LANES;
@@ -104,18 +115,19 @@ impl ShadowMap {
         let of_opaque = lists(&self.casters, 0..first_of_capture, bands);
         let of_captures = lists(&self.casters, first_of_capture..first_veil, bands);
         let of_veils = lists(&self.casters, first_veil..count, bands);
-        let (casters, veils, stride) = (&self.casters, &self.veils[..], self.stride);
+        let (casters, veils, stride) =
+            (Casters { of_runs: &self.casters, planes: &self.planes }, &self.veils[..], self.stride);
         self.by_captures.bands(stride * ROWS).zip(&of_captures).enumerate().for_each(
             |(band, ((end, caster), list))| {
-                draw_band(casters, list, band * ROWS, stride, end, caster);
+                draw_band(&casters, list, band * ROWS, stride, end, caster);
             },
         );
         self.ends.bands(stride * ROWS).zip(of_opaque.par_iter().zip(&of_veils)).enumerate().for_each(
             |(band, ((end, caster), (list, veiled)))| {
-                draw_band(casters, list, band * ROWS, stride, end, caster);
+                draw_band(&casters, list, band * ROWS, stride, end, caster);
                 if !veiled.is_empty() {
                     let layers = Layers {
-                        casters,
+                        casters: &casters,
                         veils,
                         first_run: first_veil,
                         list: veiled,
@@ -156,11 +168,9 @@ impl ShadowMap {
             return true;
         }
         let at = row * self.stride + column;
-        if ends.end[at] == f32::INFINITY {
-            return true;
-        }
-        let caster = of(&self.casters, ends.caster[at]);
-        let end = caster.plane.dot(Vec3::new(x - 0.5, y - 0.5, 1.0)) + caster.tolerance;
+        // Nothing stops light where no number of a caster stands.
+        let Some(plane) = self.planes.get(ends.caster[at] as usize) else { return true };
+        let end = plane.distance.dot(Vec3::new(x - 0.5, y - 0.5, 1.0)) + plane.tolerance;
         // Of -1 / distance that of the distance, over its square.
         let (size, scale) = (place.length(), distance.abs());
         let rounding = ROUNDING * if is_point { scale * (1.0 + size * scale) } else { size + scale };
@@ -169,13 +179,18 @@ impl ShadowMap {
 }
 
 dispatch! {
-    /// The surfels of a run that are drawn; and more of them, if light passes through.
-    fn casters_of_run(run: &Run<'_>, on: &Onto<'_>, casters: &mut Vec<Caster>, veils: Option<&mut Vec<Veil>>) =
+    /// The surfels of a run that are drawn, and their planes; and more of them, if light passes through.
+    fn casters_of_run(run: &Run<'_>, on: &Onto<'_>, out: (&mut Vec<Caster>, &mut [Plane]), veils: Option<&mut Vec<Veil>>) =
         casters_of_run_body
 }
 
 #[inline(always)]
-fn casters_of_run_body(run: &Run<'_>, on: &Onto<'_>, casters: &mut Vec<Caster>, mut veils: Option<&mut Vec<Veil>>) {
+fn casters_of_run_body(
+    run: &Run<'_>,
+    on: &Onto<'_>,
+    (casters, planes): (&mut Vec<Caster>, &mut [Plane]),
+    mut veils: Option<&mut Vec<Veil>>,
+) {
     casters.clear();
     if let Some(veils) = &mut veils {
         veils.clear();
@@ -185,7 +200,8 @@ fn casters_of_run_body(run: &Run<'_>, on: &Onto<'_>, casters: &mut Vec<Caster>, 
     run.load(&mut columns);
     for first in (0..run.len).step_by(LANES) {
         let discs = seen.discs(&columns.lanes(first));
-        Caster::of(&discs, LANES.min(run.len - first), run.object.epsilon, on, |l, caster, moved| {
+        Caster::of(&discs, LANES.min(run.len - first), run.object.epsilon, on, |l, caster, plane, moved| {
+            planes[casters.len()] = plane;
             casters.push(caster);
             if let Some(veils) = &mut veils {
                 veils.push(Veil { opacity: run.opacity_of(first + l), moved });
@@ -195,15 +211,18 @@ fn casters_of_run_body(run: &Run<'_>, on: &Onto<'_>, casters: &mut Vec<Caster>, 
 }
 
 dispatch! {
-    /// The discs of Gaussians that are drawn. Nothing but rounding moves them away.
-    fn casters_of_splats(splats: &Splats, on: &Onto<'_>, casters: &mut Vec<Caster>) = casters_of_splats_body
+    /// The discs of Gaussians that are drawn, and their planes. Nothing but rounding moves them away.
+    fn casters_of_splats(splats: &Splats, on: &Onto<'_>, out: (&mut Vec<Caster>, &mut [Plane])) = casters_of_splats_body
 }
 
 #[inline(always)]
-fn casters_of_splats_body(splats: &Splats, on: &Onto<'_>, casters: &mut Vec<Caster>) {
+fn casters_of_splats_body(splats: &Splats, on: &Onto<'_>, (casters, planes): (&mut Vec<Caster>, &mut [Plane])) {
     casters.clear();
     for discs in splats.discs.chunks(LANES) {
-        Caster::of(&Discs::of(discs, on.view), discs.len(), 0.0, on, |_, caster, _| casters.push(caster));
+        Caster::of(&Discs::of(discs, on.view), discs.len(), 0.0, on, |_, caster, plane, _| {
+            planes[casters.len()] = plane;
+            casters.push(caster);
+        });
     }
 }
 
@@ -222,13 +241,13 @@ fn lists(casters: &[Vec<Caster>], runs: Range<usize>, bands: usize) -> Vec<Vec<u
 dispatch! {
     /// Draws the casters of a list onto a band that begins at row `first`.
     fn draw_band(
-        casters: &[Vec<Caster>], list: &[u32], first: usize, stride: usize, end: &mut [f32], caster: &mut [u32],
+        casters: &Casters<'_>, list: &[u32], first: usize, stride: usize, end: &mut [f32], caster: &mut [u32],
     ) = draw_band_body
 }
 
 #[inline(always)]
 fn draw_band_body(
-    casters: &[Vec<Caster>],
+    casters: &Casters<'_>,
     list: &[u32],
     first: usize,
     stride: usize,
@@ -237,15 +256,15 @@ fn draw_band_body(
 ) {
     let rows = end.len() / stride;
     for &number in list {
-        let of = of(casters, number);
+        let (of, plane) = casters.of(number);
         let [[left, right], [top, bottom]] = of.bounds.map(|ends| ends.map(usize::from));
         for y in top.max(first)..=bottom.min(first + rows - 1) {
-            let row = of.on_row(y);
+            let row = of.on_row(plane, y);
             for x in (left..=right).step_by(LANES) {
                 let begin = (y - first) * stride + x;
                 let Some(end) = end[begin..].first_chunk_mut::<LANES>() else { continue };
                 let Some(caster) = caster[begin..].first_chunk_mut::<LANES>() else { continue };
-                let distance = of.ends(row, x);
+                let distance = of.ends(plane, row, x);
                 // What it does not cover is not a number here.
                 let before = *end;
                 for l in 0..LANES {

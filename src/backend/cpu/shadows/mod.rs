@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use self::caster::{Caster, Onto};
+use self::caster::{Caster, Onto, Plane};
 use self::centres::Centres;
 use self::fit::{Fit, SLICES, slice_of, with_borders};
 use self::layers::Layers;
@@ -81,7 +81,7 @@ impl Shadows {
         }
         let surfels: usize = frame.objects.iter().filter_map(|o| o.shape.surfels()).map(|m| m.surfels().len()).sum();
         // A surfel is on the maps of a few slices, and in a few lists of each.
-        let of_surfel = (CASTER_MAPS * (size_of::<Caster>() + 2 * size_of::<u32>())) as u64;
+        let of_surfel = (CASTER_MAPS * (size_of::<Caster>() + size_of::<Plane>() + 2 * size_of::<u32>())) as u64;
         let of_layers = if frame.has_see_through() { Layers::BYTES_OF_TEXEL } else { 0 };
         let of_captures = frame.objects.iter().any(|object| frame.casts_splats(object) && !object.is_volume());
         let of_texel = ShadowMap::BYTES_OF_TEXEL * (1 + u64::from(of_captures)) + of_layers;
