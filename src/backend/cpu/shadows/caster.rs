@@ -23,7 +23,7 @@ pub(super) struct Caster {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Plane {
     /// The distance of its plane at (x, y, 1), as [`LightView::on_plane`] has it.
-    pub distance: Vec3,
+    pub distance: [f32; 3],
     /// Added to it.
     pub tolerance: f32,
 }
@@ -114,7 +114,7 @@ impl Caster {
             let bounds = shown.texels.map(|ends| ends.map(|end| end[l] as u16));
             let [a, b, distance] = [0, 1, 2].map(|row: usize| point(&shown.rows[row], l));
             let tolerance = shown.tolerance[l];
-            let plane = Plane { distance, tolerance };
+            let plane = Plane { distance: distance.into(), tolerance };
             take(l, Self { disc: [a, b, Vec3::Z], bounds }, plane, Moved { factor: 1.0, by: tolerance });
         }
     }
@@ -149,8 +149,9 @@ impl Caster {
         let (disc, plane) = seen_from_point(c, [u, v], area);
         // The plane itself is moved away.
         let factor = 1.0 + tolerance / c.length();
-        let plane = Plane { distance: plane / factor, tolerance: 0.0 };
-        let is_finite = plane.distance.is_finite() && disc[0].is_finite() && disc[1].is_finite();
+        let distance = plane / factor;
+        let plane = Plane { distance: distance.into(), tolerance: 0.0 };
+        let is_finite = distance.is_finite() && disc[0].is_finite() && disc[1].is_finite();
         is_finite.then_some((Self { disc, bounds }, plane, Moved { factor, by: 0.0 }))
     }
 
@@ -159,7 +160,7 @@ impl Caster {
     pub(super) fn on_row(&self, plane: &Plane, y: usize) -> [f32; 4] {
         let at = |row: Vec3| row.y * y as f32 + row.z;
         let [a, b, c] = self.disc.map(at);
-        [a, b, c, at(plane.distance) + plane.tolerance]
+        [a, b, c, at(plane.distance.into()) + plane.tolerance]
     }
 
     /// The distances at which light ends at `LANES` texels from column `x` on, of a row with these values; not numbers
@@ -172,7 +173,7 @@ impl Caster {
             let x = (x + l) as f32;
             let (a, b, c) = (a0 + self.disc[0].x * x, b0 + self.disc[1].x * x, c0 + self.disc[2].x * x);
             let covers = (a * a + b * b <= c * c) & (c > 0.0);
-            let on_plane = distance0 + plane.distance.x * x;
+            let on_plane = distance0 + plane.distance[0] * x;
             distance[l] = f32::from_bits(on_plane.to_bits() | u32::from(covers).wrapping_sub(1));
         }
         distance

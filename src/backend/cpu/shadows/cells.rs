@@ -153,14 +153,46 @@ impl Cells {
     /// Something within a rectangle receives shadows, and is so far behind the ground at the most.
     pub(super) fn receive(&self, bounds: [[f32; 2]; 2], behind: f32) {
         let Some([[left, right], [top, bottom]]) = self.touched(bounds) else { return };
+        for row in top..=bottom {
+            for column in left..=right {
+                self.raise(row * SIDE + column, key(behind));
+            }
+        }
+    }
+
+    /// Makes sure that a cell has at least this key.
+    fn raise(&self, cell: usize, key: u32) {
         let cells = self.behind.get_or_init(|| (0..SIDE * SIDE).map(|_| AtomicU32::new(0)).collect());
-        for row in cells.chunks_exact(SIDE).take(bottom + 1).skip(top) {
-            for cell in &row[left..=right] {
-                // Most change nothing, and to look is cheaper.
-                if cell.load(Ordering::Relaxed) < key(behind) {
-                    cell.fetch_max(key(behind), Ordering::Relaxed);
+        // Most change nothing, and to look is cheaper.
+        if cells[cell].load(Ordering::Relaxed) < key {
+            cells[cell].fetch_max(key, Ordering::Relaxed);
+        }
+    }
+
+    /// The same of several: those whose mark is not 0.
+    #[inline(always)]
+    pub(super) fn receive_all(&self, bounds: &[[Lanes; 2]; 2], behind: &Lanes, marks: &[u32; LANES]) {
+        let mut cells = [[[0; LANES]; 2]; 2];
+        for c in 0..2 {
+            for end in 0..2 {
+                for l in 0..LANES {
+                    cells[c][end][l] = ((bounds[c][end][l] - self.first[c]) * self.scale[c]) as i32;
                 }
             }
+        }
+        let marked = || (0..LANES).filter(|&l| marks[l] != 0);
+        let Some(first) = marked().next() else { return };
+        let [[left, right], [top, bottom]] = cells.map(|ends| ends.map(|end| end[first]));
+        let is_same = |l: usize| cells.map(|ends| ends.map(|end| end[l])) == [[left; 2], [top; 2]];
+        // Neighbours are mostly in the same cell.
+        let is_one = right == left && bottom == top && [left, top].iter().all(|at| (1..SIDE as i32).contains(at));
+        if is_one && marked().all(is_same) {
+            let most = marked().map(|l| key(behind[l])).max().unwrap_or(0);
+            self.raise(top as usize * SIDE + left as usize, most);
+            return;
+        }
+        for l in marked() {
+            self.receive(bounds.map(|ends| ends.map(|end| end[l])), behind[l]);
         }
     }
 

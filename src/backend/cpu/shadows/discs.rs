@@ -69,9 +69,9 @@ pub(super) fn dot(a: Vec3, v: &[Lanes; 3]) -> Lanes {
 
 /// Lengths of several vectors.
 #[inline(always)]
-pub(super) fn lengths(v: &[Lanes; 3]) -> Lanes {
-    let mut out = [0.0; LANES];
-    for l in 0..LANES {
+pub(super) fn lengths<const N: usize>(v: &[[f32; N]; 3]) -> [f32; N] {
+    let mut out = [0.0; N];
+    for l in 0..N {
         out[l] = (v[0][l] * v[0][l] + v[1][l] * v[1][l] + v[2][l] * v[2][l]).sqrt();
     }
     out

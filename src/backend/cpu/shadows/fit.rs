@@ -9,7 +9,7 @@ use super::discs::{point, turn};
 use super::run::Run;
 use super::view::LightView;
 use crate::backend::cpu::columns::Columns;
-use crate::backend::cpu::tiles::LANES;
+use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::frame::{Blocks, Frame, PosedSample, Raster};
 use crate::math::simd::dispatch;
 
@@ -304,7 +304,8 @@ fn receive_body(on: &Receivers<'_>, run: &Run<'_>, seen: &mut [Seen]) {
     for first in (0..run.len).step_by(LANES) {
         let [position, u, v] = columns.lanes(first);
         let (centres, radii) = (run.centres(&position), run.radii(&u, &v));
-        let (depths, sees) = on.eye.sees(&centres, &radii);
+        let (depths, mut sees) = on.eye.sees(&centres, &radii);
+        sees.iter_mut().skip(run.len - first).for_each(|sees| *sees = 0);
         if sees.iter().all(|&sees| sees == 0) {
             continue;
         }
@@ -324,7 +325,19 @@ fn receive_body(on: &Receivers<'_>, run: &Run<'_>, seen: &mut [Seen]) {
                 }
                 behind[l] = middle[l] + SLACK * half[l];
             }
-            for l in (0..LANES.min(run.len - first)).filter(|&l| sees[l] != 0) {
+            let slice = slices[0][sees.iter().position(|&sees| sees != 0).unwrap_or(0)];
+            let is_in = |l: usize| sees[l] == 0 || (slices[0][l] == slice && slices[1][l] == slice);
+            if !view.is_point && (0..LANES).all(is_in) {
+                let at = number * SLICES + slice;
+                let mut farthest = [0.0; LANES];
+                for l in 0..LANES {
+                    farthest[l] = places[2][l] + radii[l];
+                }
+                on.slices[at].shows_all(&mut bounds, &from, &farthest, &mut sees, &mut seen[at]);
+                on.cells[at].receive_all(&bounds, &behind, &sees);
+                continue;
+            }
+            for l in (0..LANES).filter(|&l| sees[l] != 0) {
                 let (radius, place) = (radii[l], point(&places, l));
                 let (mut shown, mut behind) = (bounds.map(|ends| ends.map(|end| end[l])), behind[l]);
                 if view.is_point {
@@ -426,6 +439,31 @@ impl Slice {
     fn cells_with(&self, seen: &Seen) -> Cells {
         let own = Seen { bounds: self.bounds, ..NOTHING };
         Cells::new(own.and(*seen).bounds)
+    }
+
+    /// What it shows of things with these bounds is added to `seen`: their bounds become those of what it shows, and
+    /// `sees` 0 where that is nothing.
+    #[inline(always)]
+    fn shows_all(
+        &self,
+        bounds: &mut [[Lanes; 2]; 2],
+        nearest: &Lanes,
+        farthest: &Lanes,
+        sees: &mut [u32; LANES],
+        seen: &mut Seen,
+    ) {
+        for c in 0..2 {
+            let [least, most] = self.bounds[c];
+            for l in 0..LANES {
+                let (low, high) = (bounds[c][0][l].max(least), bounds[c][1][l].min(most));
+                (bounds[c][0][l], bounds[c][1][l]) = (low, high);
+                sees[l] &= u32::from(low <= high);
+            }
+        }
+        for l in (0..LANES).filter(|&l| sees[l] != 0) {
+            let (nearest, farthest) = (nearest[l].max(self.start), farthest[l].min(self.farthest));
+            *seen = seen.and(Seen { bounds: bounds.map(|ends| ends.map(|end| end[l])), nearest, farthest });
+        }
     }
 
     /// What it shows of something with these bounds; `None` where that is beside it.

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::ROUNDING;
 use super::caster::{Caster, Casters, Onto, Plane};
-use super::discs::Discs;
+use super::discs::{Discs, lengths};
 use super::fit::MapArea;
 use super::layers::{Layers, Veil};
 use super::run::{RUN, Run};
@@ -141,40 +141,74 @@ impl ShadowMap {
         );
     }
 
-    /// Does light reach `place`, relative to the eye in world axes, which lies there on the plane of the view? It does
-    /// outside the map.
+    /// The shares of light, 0 or 1, that reach places relative to the eye in world axes, which lie there on the plane of
+    /// the view: all of it outside the map.
     #[inline(always)]
-    pub(super) fn lights(&self, on_plane: [f32; 3], place: Vec3, is_point: bool) -> bool {
-        self.is_before(&self.ends, on_plane, place, is_point)
-            && (self.by_captures.end.is_empty() || self.is_before(&self.by_captures, on_plane, place, is_point))
+    pub(super) fn lights<const N: usize>(
+        &self,
+        on_plane: &[[f32; N]; 3],
+        places: &[[f32; N]; 3],
+        is_point: bool,
+    ) -> [f32; N] {
+        let mut lit = self.are_before(&self.ends, on_plane, places, is_point);
+        if !self.by_captures.end.is_empty() {
+            let of_captures = self.are_before(&self.by_captures, on_plane, places, is_point);
+            for l in 0..N {
+                lit[l] &= of_captures[l];
+            }
+        }
+        lit.map(|lit| if lit == 0 { 0.0 } else { 1.0 })
     }
 
-    /// The same of a place of a capture.
+    /// Does light reach a place of a capture?
     #[inline(always)]
-    pub(super) fn lights_captures(&self, on_plane: [f32; 3], place: Vec3, is_point: bool) -> bool {
-        self.is_before(&self.ends, on_plane, place, is_point)
+    pub(super) fn lights_capture(&self, on_plane: [f32; 3], place: Vec3, is_point: bool) -> bool {
+        self.are_before(&self.ends, &on_plane.map(|x| [x]), &place.to_array().map(|x| [x]), is_point) != [0]
     }
 
-    /// Is a place before these ends of light?
+    /// 1 for each place that is before these ends of light, else 0.
     #[inline(always)]
-    fn is_before(&self, ends: &Ends, [x, y, distance]: [f32; 3], place: Vec3, is_point: bool) -> bool {
+    fn are_before<const N: usize>(
+        &self,
+        ends: &Ends,
+        [x, y, distance]: &[[f32; N]; 3],
+        places: &[[f32; N]; 3],
+        is_point: bool,
+    ) -> [u32; N] {
         let MapArea { first, size, .. } = self.area;
-        let [x, y] = [(x - first[0]) * self.scale, (y - first[1]) * self.scale];
-        if !(x >= 0.0 && y >= 0.0) {
-            return true;
+        let size = size.map(|size| size as u32);
+        // Planes (x, y, 1), and tolerances.
+        let mut planes = [[0.0; N]; 4];
+        let (mut x, mut y, mut texel, mut is_on_map) = (*x, *y, [[0; N]; 2], [0; N]);
+        for l in 0..N {
+            (x[l], y[l]) = ((x[l] - first[0]) * self.scale, (y[l] - first[1]) * self.scale);
+            (texel[0][l], texel[1][l]) = (x[l] as u32, y[l] as u32);
+            let is_beyond = (texel[0][l] >= size[0]) | (texel[1][l] >= size[1]);
+            is_on_map[l] = u32::from((x[l] >= 0.0) & (y[l] >= 0.0) & !is_beyond);
         }
-        let (column, row) = (x as usize, y as usize);
-        if column >= size[0] || row >= size[1] {
-            return true;
+        for l in 0..N {
+            if is_on_map[l] == 0 {
+                continue;
+            }
+            let at = texel[1][l] as usize * self.stride + texel[0][l] as usize;
+            // Nothing stops light where no number of a caster stands.
+            match self.planes.get(ends.caster[at] as usize) {
+                Some(&Plane { distance: [a, b, c], tolerance }) => {
+                    (planes[0][l], planes[1][l], planes[2][l], planes[3][l]) = (a, b, c, tolerance);
+                }
+                None => is_on_map[l] = 0,
+            }
         }
-        let at = row * self.stride + column;
-        // Nothing stops light where no number of a caster stands.
-        let Some(plane) = self.planes.get(ends.caster[at] as usize) else { return true };
-        let end = plane.distance.dot(Vec3::new(x - 0.5, y - 0.5, 1.0)) + plane.tolerance;
-        // Of -1 / distance that of the distance, over its square.
-        let (size, scale) = (place.length(), distance.abs());
-        let rounding = ROUNDING * if is_point { scale * (1.0 + size * scale) } else { size + scale };
-        distance <= end + rounding
+        let sizes = lengths(places);
+        let mut before = [0; N];
+        for l in 0..N {
+            let on_plane = planes[0][l] * (x[l] - 0.5) + planes[1][l] * (y[l] - 0.5) + planes[2][l];
+            // Of -1 / distance that of the distance, over its square.
+            let (size, scale) = (sizes[l], distance[l].abs());
+            let rounding = ROUNDING * if is_point { scale * (1.0 + size * scale) } else { size + scale };
+            before[l] = u32::from((is_on_map[l] == 0) | (distance[l] <= on_plane + planes[3][l] + rounding));
+        }
+        before
     }
 }
 

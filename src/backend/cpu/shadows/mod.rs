@@ -26,6 +26,7 @@ use glam::Vec3;
 
 use self::caster::{Caster, Onto, Plane};
 use self::centres::Centres;
+use self::discs::point;
 use self::fit::{Fit, SLICES, slice_of, with_borders};
 use self::layers::Layers;
 use self::map::ShadowMap;
@@ -148,7 +149,7 @@ impl Shadows {
         let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return true };
         let view = LightView::facing(views, place);
         let map = &maps[view * SLICES + slice_of(depth, self.near)];
-        map.lights_captures(views[view].on_plane(place), place, views[0].is_point)
+        map.lights_capture(views[view].on_plane(place), place, views[0].is_point)
     }
 
     /// Empties it; its memory stays.
@@ -207,19 +208,22 @@ impl Shadows {
             cosine[l] = normal[0][l] * towards[0][l] + normal[1][l] * towards[1][l] + normal[2][l] * towards[2][l];
         }
         let slices = depth.map(|depth| slice_of(depth, self.near));
-        // Rays that are parallel have one view.
-        let on_plane = views[0].lanes_on_plane(asked);
+        let is_point = views[0].is_point;
         let mut seen = [0.0; LANES];
-        for l in 0..LANES {
-            if cosine[l] <= 0.0 {
-                continue;
+        let Some(first) = (0..LANES).find(|&l| cosine[l] > 0.0) else { return seen };
+        // Rays that are parallel have one view. Neighbours are seldom in several slices.
+        if !is_point && (0..LANES).all(|l| slices[l] == slices[first] || cosine[l] <= 0.0) {
+            seen = maps[slices[first]].lights(&views[0].lanes_on_plane(asked), asked, false);
+            for l in 0..LANES {
+                seen[l] = if cosine[l] <= 0.0 { 0.0 } else { seen[l] };
             }
-            let at = Vec3::new(asked[0][l], asked[1][l], asked[2][l]);
+            return seen;
+        }
+        for l in (0..LANES).filter(|&l| cosine[l] > 0.0) {
+            let at = point(asked, l);
             let view = LightView::facing(views, at);
-            let map = &maps[view * SLICES + slices[l]];
-            let of_first = on_plane.map(|lanes| lanes[l]);
-            let on_plane = if views[0].is_point { views[view].on_plane(at) } else { of_first };
-            seen[l] = if map.lights(on_plane, at, views[0].is_point) { 1.0 } else { 0.0 };
+            let on_plane = views[view].on_plane(at).map(|x| [x]);
+            [seen[l]] = maps[view * SLICES + slices[l]].lights(&on_plane, &at.to_array().map(|x| [x]), is_point);
         }
         seen
     }
