@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Quat;
+use glam::{Mat3, Quat};
 
 use super::*;
 use crate::backend::clusters::ClusterStore;
@@ -122,7 +122,7 @@ fn clusters_that_are_left_out_hold_nothing() {
         project(&whole, &ball, 0..ball.len(), &mut want);
         project(&view, &ball, 0..ball.len(), &mut got);
         assert!(got == want, "case {case}: {} of {} splats", got.len(), want.len());
-        let count = ball.len().div_ceil(CLUSTER_SURFELS);
+        let count = ball.len().div_ceil(RUN);
         all += count;
         left_out += (0..count).filter(|&cluster| !view.may_show(cluster)).count();
         splats += want.len();
