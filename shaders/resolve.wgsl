@@ -17,6 +17,9 @@ override ALL_HELD: bool = false;
 // Is the surface that is shaded that of a held object?
 var<private> is_held: bool;
 
+// From where the surface is read out to where it is in the middle of the strip, world axes.
+var<private> moved: vec3<f32>;
+
 // Is the last light one direction of a sky, of which terms come behind the views of lights?
 override SKY: bool = false;
 
@@ -65,6 +68,7 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, of_laye
             caught = sums[sum_at + CATCHER * TILE_PIXELS] * inverse;
             colour = without_white(colour, caught);
         }
+        if MOVED != 0u { moved = mean(sum_at, MOVED, inverse); }
         is_held = ALL_HELD;
         // The object that most of a pixel shows decides.
         if HELD != 0u { is_held = sums[sum_at + HELD * TILE_PIXELS] * inverse > 0.5; }

@@ -6,7 +6,7 @@
 //        splats    in which their flags are
 //        touched
 //   out  values    for each slot: colour, then normal, velocity, material, reflection, receiving, catching, being held,
-//                  opacity and tolerance where wanted
+//                  the way to the middle of the strip, opacity and tolerance where wanted
 // One invocation per surfel of a segment.
 
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
@@ -37,10 +37,11 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
     var turned_normal = apply_linear(segment.normal, normal);
     let place = splats[SPLATS * slot + FLAGS_PART].reference;
+    var time = 0.0;
     if view.strip != 0.0 && splats[SPLATS * slot + FLAGS_PART].centre_depth > 0.0 {
         // When the row is read out on which the centre lands.
         let half = abs(view.strip);
-        let time = clamp((select(place.x, place.y, view.strip > 0.0) - half) / half, -1.0, 1.0);
+        time = clamp((select(place.x, place.y, view.strip > 0.0) - half) / half, -1.0, 1.0);
         turned_normal += time * apply_linear(segment.turn, normal);
     }
     normal = unit(turned_normal);
@@ -114,6 +115,17 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     if HELD != 0u {
         values[next] = f32(shadows >> 2u);
         next += 1u;
+    }
+    if MOVED != 0u {
+        let by_itself = apply_linear(segment.centre, rates(at, segment.advance));
+        // Screen space is (f X, -f Y, -Z) of the camera's.
+        let m = -time * (apply(segment.motion, position) + by_itself);
+        let moved =
+            view.camera[0].xyz * (m.x / view.focal) - view.camera[1].xyz * (m.y / view.focal) - view.camera[2].xyz * m.z;
+        values[next] = moved.x;
+        values[next + 1u] = moved.y;
+        values[next + 2u] = moved.z;
+        next += 3u;
     }
     if OPACITY != 0u {
         let before = select(6u, 10u, (segment.flags & 2u) != 0u) * segment.buffer_surfels;

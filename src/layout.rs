@@ -210,6 +210,9 @@ pub struct Channels {
     pub catcher: Option<usize>,
     /// 1 for held objects, 0 for others; only where shadows are asked and both are there.
     pub held: Option<usize>,
+    /// First of three: from the surfel to where it is in the middle of the strip, world axes; only where shadows are
+    /// asked and a rolling shutter reads what moves.
+    pub moved: Option<usize>,
     /// Opacity; only for what light passes through.
     pub opacity: Option<usize>,
     /// The material of all objects, where they have the same.
@@ -222,7 +225,7 @@ pub struct Channels {
 
 impl Channels {
     /// Largest number of channels.
-    pub const MOST: usize = 19;
+    pub const MOST: usize = 22;
 
     /// The channels that `frame` needs.
     pub fn of(frame: &Frame) -> Self {
@@ -252,6 +255,7 @@ impl Channels {
         let all_held = frame.holds();
         let held = take(deferred && frame.has_shadows() && all_held.is_none(), 1);
         let all_held = all_held.unwrap_or(false);
+        let moved = take(deferred && frame.has_shadows() && frame.moves_while_read(), 3);
         Self {
             count,
             normal,
@@ -262,6 +266,7 @@ impl Channels {
             receives,
             catcher,
             held,
+            moved,
             opacity: None,
             uniform,
             mirror,

@@ -7,12 +7,13 @@ override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override MATERIAL: u32 = 0u;
 // Channel of the reflection coefficient; of the share that receives shadows, of which a part does not; of that which is
-// a shadow catcher; of held objects, which is 1 for them and 0 for others; and of the opacity, which see-through
-// surfels alone have.
+// a shadow catcher; of held objects, which is 1 for them and 0 for others; first of three of the way to the middle of
+// a strip; and of the opacity, which see-through surfels alone have.
 override REFLECTION: u32 = 0u;
 override RECEIVES: u32 = 0u;
 override CATCHER: u32 = 0u;
 override HELD: u32 = 0u;
+override MOVED: u32 = 0u;
 override OPACITY: u32 = 0u;
 // First of three channels for the coverage in groups of several samples. They are the sample coverage of the current
 // sample, the coverage by the samples before it, and the sample coverage of static objects.

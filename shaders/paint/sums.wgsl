@@ -25,6 +25,9 @@ struct Sums {
     receives: Floats,
     catcher: Floats,
     held: Floats,
+    moved_x: Floats,
+    moved_y: Floats,
+    moved_z: Floats,
     opacity: Floats,
     sample_coverage: Floats,
     coverage: Floats,
@@ -96,6 +99,12 @@ fn add_values(sum: ptr<function, Sums>, slot: u32, weight: Floats, depth: Floats
         (*sum).held += weight * values[next];
         next += 1u;
     }
+    if MOVED != 0u {
+        (*sum).moved_x += weight * values[next];
+        (*sum).moved_y += weight * values[next + 1u];
+        (*sum).moved_z += weight * values[next + 2u];
+        next += 3u;
+    }
     if OPACITY != 0u { (*sum).opacity += weight * values[next]; }
 }
 
@@ -126,6 +135,11 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
     if RECEIVES != 0u { (*sum).receives = sums[at + RECEIVES * plane()]; }
     if CATCHER != 0u { (*sum).catcher = sums[at + CATCHER * plane()]; }
     if HELD != 0u { (*sum).held = sums[at + HELD * plane()]; }
+    if MOVED != 0u {
+        (*sum).moved_x = sums[at + MOVED * plane()];
+        (*sum).moved_y = sums[at + (MOVED + 1u) * plane()];
+        (*sum).moved_z = sums[at + (MOVED + 2u) * plane()];
+    }
     if OPACITY != 0u { (*sum).opacity = sums[at + OPACITY * plane()]; }
     if SAMPLE_COVERAGE != 0u {
         (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * plane()];
@@ -166,6 +180,11 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
     if RECEIVES != 0u { sums[at + RECEIVES * plane()] = (*sum).receives; }
     if CATCHER != 0u { sums[at + CATCHER * plane()] = (*sum).catcher; }
     if HELD != 0u { sums[at + HELD * plane()] = (*sum).held; }
+    if MOVED != 0u {
+        sums[at + MOVED * plane()] = (*sum).moved_x;
+        sums[at + (MOVED + 1u) * plane()] = (*sum).moved_y;
+        sums[at + (MOVED + 2u) * plane()] = (*sum).moved_z;
+    }
     if OPACITY != 0u { sums[at + OPACITY * plane()] = (*sum).opacity; }
     if SAMPLE_COVERAGE != 0u {
         sums[at + SAMPLE_COVERAGE * plane()] = (*sum).sample_coverage;

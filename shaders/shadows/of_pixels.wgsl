@@ -1,9 +1,10 @@
 // Includes: shadows/lookup shadows/light
 // The shadows of pixels: each asks the maps.
 
-// The place of what the camera shows at `place`: held objects are elsewhere. Twin: SeenSurface::asked
-// of src/backend/cpu/resolve.rs.
-fn in_world(place: vec3<f32>) -> vec3<f32> {
+// Where maps have what the camera shows at `shown`: they are those of the middle of a strip, and held objects are
+// elsewhere. Twin: SeenSurface::asked of src/backend/cpu/resolve.rs.
+fn in_world(shown: vec3<f32>) -> vec3<f32> {
+    let place = shown + moved;
     if !is_held { return place; }
     let at = view_at(SHADOW_LIGHTS, 0u);
     return apply(array<vec4<f32>, 3>(lights[at].vector, lights[at].colour, lights[at + 1u].vector), place);

@@ -349,6 +349,12 @@ impl Frame {
         self.shading == Shading::Gouraud && self.samples_of_a_group() > 1
     }
 
+    /// Does anything move while a rolling shutter reads a strip?
+    pub fn moves_while_read(&self) -> bool {
+        let rolls = self.rasters.iter().flat_map(|r| &r.positions).any(|p| p.raster.readout.is_some());
+        rolls && self.all_samples().any(|sample| sample.objects.iter().any(|object| object.moves))
+    }
+
     /// Are there opaque surfels of held objects, and others' or none? `None`: both are there.
     pub fn holds(&self) -> Option<bool> {
         let mut held = self.objects.iter().filter(|o| o.has_surfels() && !o.see_through).map(|o| o.is_held);

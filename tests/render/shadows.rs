@@ -41,6 +41,7 @@ on_both!(
     a_moving_ball,
     intervals_have_the_shadows_of_their_middles,
     what_moves_throws_no_shadow_on_itself,
+    what_is_read_row_by_row_throws_no_shadow_on_itself,
     what_faces_the_light_is_lit,
     contacts_stay_dark,
     strange_lights_give_finite_pictures,
@@ -208,6 +209,39 @@ fn moving_ball(on: &mut dyn Backend, modes: &[&str]) {
 fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
     own_shadow(on, "bucket:4x16", Shading::Phong);
     own_shadow(on, "bucket:4x16", Shading::Gouraud);
+}
+
+/// A strip of a rolling shutter has the map of its middle. A roof throws no shadow on itself, whenever its rows are read
+/// out: neither where it flies nor where the camera does. One side alone would be the ground, which is not drawn.
+fn what_is_read_row_by_row_throws_no_shadow_on_itself(on: &mut dyn Backend) {
+    let flies = Motion::Linear { velocity: DVec3::new(0.4, 0.2, 0.0) };
+    let sinks = Motion::Linear { velocity: DVec3::new(0.2, -0.3, 0.0) };
+    for (of_roof, of_camera) in [(Some(flies), None), (None, Some(sinks)), (Some(flies), Some(sinks))] {
+        let mut scene = from_above(Vec::new(), [96, 64]);
+        for ([low, high], angle) in [([-0.4, 0.0], 20.0), ([0.0, 0.4], -30.0)] {
+            let mut roof = square([low, -0.25], [high, 0.25], 0.0, 0.02);
+            roof.transform.rotate = DVec3::Z * angle;
+            roof.motions.extend(of_roof);
+            scene.objects.push(roof);
+        }
+        scene.camera.motions.extend(of_camera);
+        (scene.shutter.open, scene.shutter.close) = (-0.05, 0.05);
+        scene.shutter.readout = "0.8".parse().unwrap();
+        let colour = DVec3::ONE;
+        let direction = DVec3::new(-0.1, -1.0, 0.1).normalize();
+        let sun = Light::Directional { direction, colour, angle: 0.0, shadows: true };
+        let lamp = Light::Point { position: DVec3::new(0.1, 1.5, 0.3), colour, radius: 0.0, shadows: true };
+        scene.lights = vec![sun, lamp];
+        let mut picture = |shadows| {
+            let look = Look { shadows, ..Look::default() };
+            let quality = BlurMode::supersample(4).into();
+            render(on, &scene, &RenderOptions { quality, look, ..RenderOptions::default() })
+        };
+        let (with, without) = (picture(true), picture(false));
+        let darker = with.rgba.iter().zip(&without.rgba).map(|(a, b)| b[0] - a[0]).fold(0.0, f32::max);
+        println!("{of_roof:?}, {of_camera:?}: {darker:.5} darker");
+        assert!(darker < 1e-3, "{of_roof:?}, {of_camera:?}: {darker}");
+    }
 }
 
 /// The ball spins, too. Beside it is a resting floor, on which no shadow falls.

@@ -172,6 +172,7 @@ pub(in crate::backend::cpu) fn add_lanes(
         let depth = channels.depth.map(&mean);
         let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
         let held = channels.held.map(&mean);
+        let moved = channels.moved.map(|at| [mean(at), mean(at + 1), mean(at + 2)]);
         let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
         let receives = channels.receives.map(&mean);
         let caught = channels.catcher.map(&mean);
@@ -179,7 +180,7 @@ pub(in crate::backend::cpu) fn add_lanes(
             without_white(&mut colour, caught);
         }
         let (depth, receives, held) = (depth.as_ref(), receives.as_ref(), held.as_ref());
-        let seen = SeenSurface { pixel, normal: shading, depth, receives, held };
+        let seen = SeenSurface { pixel, normal: shading, depth, receives, held, moved: moved.as_ref() };
         colour = shade_lanes(resolve, &seen, &colour, material.as_ref());
         if let Some(surroundings) = resolve.surroundings {
             let reflection = channels.reflection.map_or([channels.mirror; LANES], &mean);
@@ -239,6 +240,8 @@ struct SeenSurface<'a> {
     receives: Option<&'a Lanes>,
     /// The shares of held objects, where there are others, too.
     held: Option<&'a Lanes>,
+    /// From where it is read out to where it is in the middle of the strip, world axes.
+    moved: Option<&'a [Lanes; 3]>,
 }
 
 impl SeenSurface<'_> {
@@ -268,18 +271,26 @@ impl SeenSurface<'_> {
         seen
     }
 
-    /// Where shadows are asked for what is at `place`, as the camera shows it: held objects are elsewhere in the world.
-    /// The object that most of a pixel shows decides.
+    /// Where shadows are asked for what is at `place`, as the camera shows it: maps are those of the middle of a strip,
+    /// and held objects are elsewhere in the world. The object that most of a pixel shows decides.
     #[inline(always)]
     fn asked(&self, resolve: &Resolve<'_>, place: &[Lanes; 3]) -> Option<[Lanes; 3]> {
-        if self.held.is_none() && !resolve.channels.all_held {
+        let holds = self.held.is_some() || resolve.channels.all_held;
+        if !holds && self.moved.is_none() {
             return None;
         }
         let held = &resolve.sample.held;
         let mut out = *place;
-        for l in 0..LANES {
+        if let Some(moved) = self.moved {
+            for c in 0..3 {
+                for l in 0..LANES {
+                    out[c][l] += moved[c][l];
+                }
+            }
+        }
+        for l in (0..LANES).filter(|_| holds) {
             if self.held.is_none_or(|shares| shares[l] > 0.5) {
-                let shown = Vec3::new(place[0][l], place[1][l], place[2][l]);
+                let shown = Vec3::new(out[0][l], out[1][l], out[2][l]);
                 (out[0][l], out[1][l], out[2][l]) = (held.turn * shown + held.shift).into();
             }
         }

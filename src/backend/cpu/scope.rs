@@ -73,9 +73,10 @@ impl Scope<'_> {
             shading: self.frame.shading,
             near: self.frame.near,
             stride: self.frame.stride as f32,
+            focal: self.raster.focal,
             surroundings: self.frame.surroundings.as_ref(),
             pixel: self.raster.pixel / self.raster.focal,
-            strip: Strip::of(self.raster).filter(|_| sample.objects[chunk.object].turns()),
+            strip: Strip::of(self.raster).filter(|_| sample.objects[chunk.object].moves),
             shadows: self.shadows.filter(|_| self.frame.objects[chunk.object].receives),
             middle: self.middle(chunk),
         }

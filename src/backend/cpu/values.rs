@@ -32,11 +32,13 @@ pub(in crate::backend) struct Shown<'a> {
     pub near: f32,
     /// Pixels of the image to one of the raster.
     pub stride: f32,
+    /// Focal length, raster pixels.
+    pub focal: f32,
     /// What surfels mirror.
     pub surroundings: Option<&'a Surroundings>,
     /// Standard deviation of what a pixel sees, radians in the middle of the image.
     pub pixel: f32,
-    /// The strip that is read out while the object turns; else `None`.
+    /// The strip that is read out while the object moves; else `None`.
     pub strip: Option<Strip>,
     /// `None`: no light has any.
     pub shadows: Option<&'a Shadows>,
@@ -161,6 +163,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         colour = lit(shown, &colour, &normal, &position, moved.as_ref(), &view, &of_material);
         mirror(shown, &mut colour, &normal, &view);
     }
+    let to_middle = channels.moved.map(|_| to_middle(shown, faces, times));
     for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
         out[0] = 1.0;
         out[1..4].copy_from_slice(&[colour[0][l], colour[1][l], colour[2][l]]);
@@ -179,6 +182,9 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         if let Some(at) = channels.held {
             out[at] = f32::from(u8::from(shown.object.is_held));
         }
+        if let (Some(at), Some(moved)) = (channels.moved, &to_middle) {
+            out[at..at + 3].copy_from_slice(&[moved[0][l], moved[1][l], moved[2][l]]);
+        }
         if let Some(at) = channels.opacity {
             let own = surfels.opacity.get(faces[l].0 as usize).copied().unwrap_or(1.0);
             out[at] = shown.object.opacity * own;
@@ -193,6 +199,32 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
             }
         }
     }
+}
+
+/// From where surfels are when they are read out, at these times of a strip, to where they are in its middle: world axes.
+#[inline(always)]
+fn to_middle(shown: &Shown<'_>, faces: &[(u32, u32); LANES], times: &Lanes) -> [Lanes; 3] {
+    let posed = shown.posed;
+    if shown.strip.is_none() {
+        return [[0.0; LANES]; 3];
+    }
+    let (surfels, paths) = (&**shown.model.surfels(), shown.model.paths());
+    let (mut place, mut advance) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+    for l in 0..LANES {
+        let i = faces[l].0 as usize;
+        (place[0][l], place[1][l], place[2][l]) = paths.place(surfels.position[i], i, posed.elapsed).into();
+        (advance[0][l], advance[1][l], advance[2][l]) = paths.sum(i, posed.advance).into();
+    }
+    let motion = transform(&posed.motion_from_model, posed.motion_origin, &place);
+    let by_itself = transform(&posed.centre_from_model, Vec3::ZERO, &advance);
+    // Screen space is (f X, -f Y, -Z) of the camera's.
+    let focal = shown.focal;
+    let mut moved = [[0.0; LANES]; 3];
+    for l in 0..LANES {
+        let [x, y, depth] = [0, 1, 2].map(|c: usize| -times[l] * (motion[c][l] + by_itself[c][l]));
+        (moved[0][l], moved[1][l], moved[2][l]) = (x / focal, -(y / focal), -depth);
+    }
+    transform(&shown.sample.world_from_camera, Vec3::ZERO, &moved)
 }
 
 /// The equation of `shading::shade`, for `LANES` surfels.

@@ -110,6 +110,7 @@ fn of_sums(channels: &DeviceChannels, name: &str) -> Option<u32> {
         "RECEIVES" => at(shared.receives),
         "CATCHER" => at(shared.catcher),
         "HELD" => at(shared.held),
+        "MOVED" => at(shared.moved),
         "ALL_HELD" => u32::from(shared.all_held),
         "OPACITY" => at(channels.opacity),
         "SAMPLE_COVERAGE" => at(channels.sample_coverage),

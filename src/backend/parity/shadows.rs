@@ -135,6 +135,9 @@ fn cases() -> Vec<Case> {
         held("held, surfels", "bucket:2x3", Shading::Gouraud, [false, true, false]),
         held("held, swept", "volumetric:2", Shading::Gouraud, [true, false, true]),
     ]);
+    let mut rolling = held("rolling", "supersample:2", Shading::Phong, [true; 3]);
+    rolling.scene.shutter.readout = "0.5".parse().unwrap();
+    cases.push(rolling);
     // Turns by much within a bucket.
     case_of(&mut cases, "surfels, bucket").scene.objects[1].motions.insert(
         0,
@@ -209,7 +212,7 @@ fn shadows_are_the_cpus() {
     }
 }
 
-static MUTANTS: [Mutant; 49] = [
+static MUTANTS: [Mutant; 51] = [
     ([("raise(map + 4u, ~key_of(depth))", "raise(map + 4u, ~key_of(9.0 * depth))")], "capture"),
     ([("taken += radiance", "taken += 0.5 * radiance")], "capture"),
     ([("from_linear(left * to_linear(shown))", "left * shown")], "capture"),
@@ -259,6 +262,8 @@ static MUTANTS: [Mutant; 49] = [
     ([("sums[sum_at + HELD * TILE_PIXELS] * inverse > 0.5", "false")], "held"),
     ([("if !is_held { return place; }", "if is_held { return place; }")], "held, all"),
     ([("f32(shadows >> 2u)", "0.0")], "held"),
+    ([("let place = shown + moved;", "let place = shown;")], "rolling"),
+    ([("let m = -time * (", "let m = time * (")], "rolling"),
 ];
 
 #[test]
