@@ -29,8 +29,14 @@ pub(super) struct StudioArgs {
         help_heading = "Model alone"
     )]
     unlit: Option<bool>,
-    /// A model file: the axis that points up, y or z. glTF says it itself [default: y].
-    #[arg(long, value_name = "AXIS", value_parser = values::one_of::<Up>(Up::WORDS), help_heading = "Model alone")]
+    /// A model file: the axis that points up, y, z or -y. glTF says it itself [default: y].
+    #[arg(
+        long,
+        value_name = "AXIS",
+        allow_hyphen_values = true,
+        value_parser = values::one_of::<Up>(Up::WORDS),
+        help_heading = "Model alone"
+    )]
     up: Option<Up>,
 }
 

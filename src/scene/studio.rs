@@ -149,10 +149,12 @@ fn is_ground(object: &Object) -> bool {
     object.name == GROUND_NAME && object.source.path.as_os_str().is_empty()
 }
 
-/// Are these points of a scan: with colours that differ, without materials, not in motion, and not of a mesh?
+/// Are these points of a scan: with colours that differ, of one material or none, not in motion, and not of a mesh? Files
+/// that must name a material for each point give those of a scan the same.
 fn is_scan(model: &SurfelModel) -> bool {
     let surfels = model.surfels();
-    let plain = surfels.material.is_empty() && model.paths().is_empty() && !model.is_mesh();
+    let is_one = surfels.material.iter().all(|material| *material == surfels.material[0]);
+    let plain = is_one && model.paths().is_empty() && !model.is_mesh();
     plain && surfels.colour.iter().any(|colour| *colour != surfels.colour[0])
 }
 
@@ -540,6 +542,18 @@ mod tests {
         assert_eq!(unlit(false, None), (false, false));
         assert_eq!(unlit(true, Some(false)), (false, false));
         assert_eq!(unlit(false, Some(true)), (true, true));
+    }
+
+    #[test]
+    fn points_of_one_material_are_a_scan() {
+        let light = |others: usize| {
+            let mut surfels =
+                Surfels::clone(boxed(1.0, DVec3::ZERO, true).objects[0].shape.surfels().unwrap().surfels());
+            surfels.material = vec![Material::default(); surfels.len()];
+            surfels.material.iter_mut().take(others).for_each(|material| material.specular += 0.1);
+            Scene::new([Object::new(surfels)]).enter_studio(&StudioOptions::default()).light
+        };
+        assert_eq!([0, 1].map(light), [StudioLight::Unlit, StudioLight::Lit]);
     }
 
     #[test]

@@ -79,9 +79,11 @@ pub enum Up {
     Y,
     /// +z, as in maps, CAD and many scans.
     Z,
+    /// -y, as in what is reconstructed from photographs: there y points down in the first of them.
+    MinusY,
 }
 
-words!(Up, "axis that points up", [Y = "y", Z = "z"]);
+words!(Up, "axis that points up", [Y = "y", Z = "z", MinusY = "-y"]);
 
 impl LoadedScene {
     /// How pictures are shown that nobody chose another way for: in a studio with dither, and by `AgX` where lamps
@@ -182,15 +184,17 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, Mode
 
 /// Turns what stands on another axis, unless its file says which; then the note says so.
 fn stand(object: &mut Object, up: Up, path: &Path) -> Option<String> {
-    if up == Up::Y {
-        return None;
-    }
-    if says_what_is_up(path) {
-        return Some(format!("{}: up z is left out, because glTF has y up", path.display()));
-    }
     // Three quarters of a turn about x take z to y. A quarter back would do the same, but for the sign of a rounding
     // error that the up direction of captures goes by.
-    object.place = Trs { rotate: DVec3::new(270_f64.to_radians(), 0.0, 0.0), ..Trs::default() };
+    let turn: f64 = match up {
+        Up::Y => return None,
+        Up::Z => 270.0,
+        Up::MinusY => 180.0,
+    };
+    if says_what_is_up(path) {
+        return Some(format!("{}: up {up} is left out, because glTF has y up", path.display()));
+    }
+    object.place = Trs { rotate: DVec3::new(turn.to_radians(), 0.0, 0.0), ..Trs::default() };
     None
 }
 

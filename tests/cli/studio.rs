@@ -115,6 +115,9 @@ fn the_bare_model_is_not_dithered_and_turns() {
     fine(dir.path(), &format!("render scan.ply --out y --no-studio {SMALL}"));
     let [z, y] = ["z", "y"].map(|name| fs::read(dir.path().join(name).join("scan.0000.png")).unwrap());
     assert_ne!(z, y);
+    // Upside down.
+    fine(dir.path(), &format!("render scan.ply --out down --up -y --no-studio {SMALL}"));
+    assert_ne!(fs::read(dir.path().join("down/scan.0000.png")).unwrap(), y);
 }
 
 /// Two points that fly to the right, ten units a frame.

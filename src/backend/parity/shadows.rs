@@ -135,8 +135,11 @@ fn cases() -> Vec<Case> {
         held("held, surfels", "bucket:2x3", Shading::Gouraud, [false, true, false]),
         held("held, swept", "volumetric:2", Shading::Gouraud, [true, false, true]),
     ]);
-    let mut rolling = held("rolling", "supersample:2", Shading::Phong, [true; 3]);
-    rolling.scene.shutter.readout = "0.5".parse().unwrap();
+    let mut rolling = in_mode("rolling", "supersample:2", &[fill, sun, lamp], Shading::Phong, Prefilter::None);
+    rolling.scene.shutter.readout = "0.9".parse().unwrap();
+    for (object, velocity) in [(1, DVec3::new(1.2, 0.5, 0.0)), (2, DVec3::new(-0.8, 1.2, 0.0))] {
+        rolling.scene.objects[object].motions = vec![Motion::Linear { velocity }];
+    }
     cases.push(rolling);
     // Turns by much within a bucket.
     case_of(&mut cases, "surfels, bucket").scene.objects[1].motions.insert(
