@@ -120,8 +120,8 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         let by_itself = apply_linear(segment.centre, rates(at, segment.advance));
         // Screen space is (f X, -f Y, -Z) of the camera's.
         let m = -time * (apply(segment.motion, position) + by_itself);
-        let moved =
-            view.camera[0].xyz * (m.x / view.focal) - view.camera[1].xyz * (m.y / view.focal) - view.camera[2].xyz * m.z;
+        let across = view.camera[0].xyz * (m.x / view.focal) - view.camera[1].xyz * (m.y / view.focal);
+        let moved = across - view.camera[2].xyz * m.z;
         values[next] = moved.x;
         values[next + 1u] = moved.y;
         values[next + 2u] = moved.z;

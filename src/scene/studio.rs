@@ -149,8 +149,8 @@ fn is_ground(object: &Object) -> bool {
     object.name == GROUND_NAME && object.source.path.as_os_str().is_empty()
 }
 
-/// Are these points of a scan: with colours that differ, of one material or none, not in motion, and not of a mesh? Files
-/// that must name a material for each point give those of a scan the same.
+/// Are these points of a scan: with colours that differ, of one material or none, not in motion, and not of a mesh?
+/// Files that must name a material for each point give those of a scan the same.
 fn is_scan(model: &SurfelModel) -> bool {
     let surfels = model.surfels();
     let is_one = surfels.material.iter().all(|material| *material == surfels.material[0]);

@@ -211,8 +211,8 @@ fn what_moves_throws_no_shadow_on_itself(on: &mut dyn Backend) {
     own_shadow(on, "bucket:4x16", Shading::Gouraud);
 }
 
-/// A strip of a rolling shutter has the map of its middle. A roof throws no shadow on itself, whenever its rows are read
-/// out: neither where it flies nor where the camera does. One side alone would be the ground, which is not drawn.
+/// A strip of a rolling shutter has the map of its middle. A roof throws no shadow on itself, whenever its rows are
+/// read out: neither where it flies nor where the camera does. One side alone would be the ground, which is not drawn.
 fn what_is_read_row_by_row_throws_no_shadow_on_itself(on: &mut dyn Backend) {
     let flies = Motion::Linear { velocity: DVec3::new(0.4, 0.2, 0.0) };
     let sinks = Motion::Linear { velocity: DVec3::new(0.2, -0.3, 0.0) };

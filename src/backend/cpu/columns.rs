@@ -94,3 +94,42 @@ pub(in crate::backend) fn transform<const N: usize>(m: &Mat3, origin: Vec3, p: &
     }
     out
 }
+
+/// Point `l` of several.
+#[inline(always)]
+pub(in crate::backend) fn point<const N: usize>(points: &[[f32; N]; 3], l: usize) -> Vec3 {
+    Vec3::new(points[0][l], points[1][l], points[2][l])
+}
+
+/// Directions under a map, in the order of sums that [`Mat3`] has.
+#[inline(always)]
+pub(in crate::backend) fn turn<const N: usize>(map: &Mat3, v: &[[f32; N]; 3]) -> [[f32; N]; 3] {
+    let map = map.to_cols_array_2d();
+    let mut out = [[0.0; N]; 3];
+    for row in 0..3 {
+        for l in 0..N {
+            out[row][l] = map[0][row] * v[0][l] + map[1][row] * v[1][l] + map[2][row] * v[2][l];
+        }
+    }
+    out
+}
+
+/// The dot product of a vector with several.
+#[inline(always)]
+pub(in crate::backend) fn dot<const N: usize>(a: Vec3, v: &[[f32; N]; 3]) -> [f32; N] {
+    let mut out = [0.0; N];
+    for l in 0..N {
+        out[l] = a.x * v[0][l] + a.y * v[1][l] + a.z * v[2][l];
+    }
+    out
+}
+
+/// Lengths of several vectors.
+#[inline(always)]
+pub(in crate::backend) fn lengths<const N: usize>(v: &[[f32; N]; 3]) -> [f32; N] {
+    let mut out = [0.0; N];
+    for l in 0..N {
+        out[l] = (v[0][l] * v[0][l] + v[1][l] * v[1][l] + v[2][l] * v[2][l]).sqrt();
+    }
+    out
+}

@@ -201,7 +201,8 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
     }
 }
 
-/// From where surfels are when they are read out, at these times of a strip, to where they are in its middle: world axes.
+/// The ways from where surfels are when they are read out, at these times of a strip, to where they are in its middle:
+/// world axes.
 #[inline(always)]
 fn to_middle(shown: &Shown<'_>, faces: &[(u32, u32); LANES], times: &Lanes) -> [Lanes; 3] {
     let posed = shown.posed;

@@ -3,11 +3,12 @@
 use glam::{Mat3, Vec3};
 
 use super::cells::{Cells, Ground};
-use super::discs::{Discs, lengths, point};
+use super::discs::Discs;
 use super::fit::{MapArea, on_view};
 use super::run::RUN;
 use super::view::LightView;
 use super::{GRAZING, ROUNDING};
+use crate::backend::cpu::columns::{lengths, point};
 use crate::backend::cpu::tiles::{LANES, Lanes};
 
 /// A surfel as a view of a light shows it. Places (x, y) are in texels, whole at their middles.
@@ -86,8 +87,8 @@ impl Onto<'_> {
 
 impl Caster {
     /// Hands on those of `count` discs that may cast a shadow that is seen: number of the disc, caster, its plane, and
-    /// how its end of light is moved. `epsilon`: their depth tolerance. A disc casts with both sides, whichever of them shows: each
-    /// sheet has a shadow, and the backs of a closed model lie behind its fronts.
+    /// how its end of light is moved. `epsilon`: their depth tolerance. A disc casts with both sides, whichever of them
+    /// shows: each sheet has a shadow, and the backs of a closed model lie behind its fronts.
     #[inline(always)]
     pub(super) fn of(
         discs: &Discs,

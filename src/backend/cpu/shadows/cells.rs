@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec3;
 
-use super::discs::dot;
 use super::run::Run;
 use super::view::LightView;
+use crate::backend::cpu::columns::dot;
 use crate::backend::cpu::tiles::{LANES, Lanes};
 
 /// Cells of a side of the plane.

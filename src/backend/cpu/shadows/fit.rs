@@ -5,10 +5,9 @@ use rayon::prelude::*;
 
 use super::cells::{Cells, Ground};
 use super::centres::Centres;
-use super::discs::{point, turn};
 use super::run::Run;
 use super::view::LightView;
-use crate::backend::cpu::columns::Columns;
+use crate::backend::cpu::columns::{Columns, point, turn};
 use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::frame::{Blocks, Frame, PosedSample, Raster};
 use crate::math::simd::dispatch;
@@ -280,7 +279,7 @@ impl<'a> Eye<'a> {
     }
 }
 
-/// What is noted of receivers.
+/// Notes of what the camera sees are taken with these.
 struct Receivers<'a> {
     eye: &'a Eye<'a>,
     views: &'a [LightView],

@@ -7,12 +7,12 @@ use rayon::prelude::*;
 
 use super::ROUNDING;
 use super::caster::{Caster, Casters, Onto, Plane};
-use super::discs::{Discs, lengths};
+use super::discs::Discs;
 use super::fit::MapArea;
 use super::layers::{Layers, Veil};
 use super::run::{RUN, Run};
 use super::splats::Splats;
-use crate::backend::cpu::columns::Columns;
+use crate::backend::cpu::columns::{Columns, lengths};
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 
@@ -141,8 +141,8 @@ impl ShadowMap {
         );
     }
 
-    /// The shares of light, 0 or 1, that reach places relative to the eye in world axes, which lie there on the plane of
-    /// the view: all of it outside the map.
+    /// The shares of light, 0 or 1, that reach places relative to the eye in world axes, which lie there on the plane
+    /// of the view: all of it outside the map.
     #[inline(always)]
     pub(super) fn lights<const N: usize>(
         &self,
@@ -214,8 +214,9 @@ impl ShadowMap {
 
 dispatch! {
     /// The surfels of a run that are drawn, and their planes; and more of them, if light passes through.
-    fn casters_of_run(run: &Run<'_>, on: &Onto<'_>, out: (&mut Vec<Caster>, &mut [Plane]), veils: Option<&mut Vec<Veil>>) =
-        casters_of_run_body
+    fn casters_of_run(
+        run: &Run<'_>, on: &Onto<'_>, out: (&mut Vec<Caster>, &mut [Plane]), veils: Option<&mut Vec<Veil>>,
+    ) = casters_of_run_body
 }
 
 #[inline(always)]

@@ -26,7 +26,6 @@ use glam::Vec3;
 
 use self::caster::{Caster, Onto, Plane};
 use self::centres::Centres;
-use self::discs::point;
 use self::fit::{Fit, SLICES, slice_of, with_borders};
 use self::layers::Layers;
 use self::map::ShadowMap;
@@ -34,6 +33,7 @@ pub(in crate::backend) use self::moved::Moved;
 use self::run::Run;
 use self::splats::{Disc, Splats};
 use self::view::LightView;
+use super::columns::point;
 use super::tiles::{LANES, Lanes};
 use crate::backend::clusters::Clusters;
 use crate::frame::{Frame, PosedSample, Raster};

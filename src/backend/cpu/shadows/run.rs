@@ -5,10 +5,10 @@ use std::sync::Arc;
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use super::discs::{Discs, turn};
+use super::discs::Discs;
 use super::view::LightView;
 use crate::backend::clusters::{Cluster, Clusters};
-use crate::backend::cpu::columns::{self, Columns, add_rates, transform};
+use crate::backend::cpu::columns::{self, Columns, add_rates, transform, turn};
 use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::frame::{Frame, FrameObject, PosedObject, PosedSample};
 use crate::model::Surfels;

@@ -8,8 +8,8 @@
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use super::run::RUN;
 use super::view::LightView;
+use crate::backend::cpu::columns::RUN;
 use crate::frame::{Frame, PosedObject, PosedSample};
 use crate::math::fast;
 use crate::model::{Gaussians, Optics};

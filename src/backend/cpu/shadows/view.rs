@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec3};
 
-use super::discs::turn;
+use crate::backend::cpu::columns::turn;
 use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::shading::ShadingLight;
 
