@@ -211,7 +211,7 @@ impl Shown {
                 (bounds[n][0][l], bounds[n][1][l]) = (low, high);
                 let [low, high] = [low, high].map(|place| (place - first) / texel - 0.5);
                 // Not `ceil`, which is a call without SSE4.
-                let before = low.max(0.0) as i32;
+                let before = low.max(0.0).min(last) as i32;
                 let begin = before + i32::from((before as f32) < low);
                 let end = high.min(last) as i32;
                 (texels[n][0][l], texels[n][1][l]) = (begin, end);
