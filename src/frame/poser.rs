@@ -103,11 +103,6 @@ pub struct PosedObject {
 }
 
 impl PosedObject {
-    /// Do its normals turn while a strip is read out?
-    pub fn turns(&self) -> bool {
-        self.normal_motion != Mat3::ZERO
-    }
-
     /// The eye in model space when the first and the last row of a strip are read out; else where it is.
     pub fn eyes(&self) -> [Vec3; 2] {
         if !self.moves {

@@ -220,7 +220,7 @@ fn what_is_read_row_by_row_throws_no_shadow_on_itself(on: &mut dyn Backend) {
         let mut scene = from_above(Vec::new(), [96, 64]);
         for ([low, high], angle) in [([-0.4, 0.0], 20.0), ([0.0, 0.4], -30.0)] {
             let mut roof = square([low, -0.25], [high, 0.25], 0.0, 0.02);
-            roof.transform.rotate = DVec3::Z * angle;
+            roof.transform.rotate = DVec3::Z * f64::to_radians(angle);
             roof.motions.extend(of_roof);
             scene.objects.push(roof);
         }

@@ -1,4 +1,4 @@
-//! Surfels of a model coordinate by coordinate, as loops over lanes take them.
+//! Surfels of a model coordinate by coordinate, as loops over lanes take them, and sums over such lanes.
 
 use std::ops::Range;
 

@@ -5,10 +5,9 @@ use glam::{Mat3, Vec3};
 use super::cells::{Cells, Ground};
 use super::discs::Discs;
 use super::fit::{MapArea, on_view};
-use super::run::RUN;
 use super::view::LightView;
 use super::{GRAZING, ROUNDING};
-use crate::backend::cpu::columns::{lengths, point};
+use crate::backend::cpu::columns::{RUN, lengths, point};
 use crate::backend::cpu::tiles::{LANES, Lanes};
 
 /// A surfel as a view of a light shows it. Places (x, y) are in texels, whole at their middles.
@@ -108,7 +107,7 @@ impl Caster {
         }
         let shown = Shown::of(discs, &half, epsilon, on);
         for l in 0..count {
-            // In this order: few discs of fine models have the middle of a texel.
+            // In this order: many discs of fine models have no middle of a texel.
             if shown.is_on_map[l] == 0 || on.hides(shown.covered(l), shown.behind[l]) {
                 continue;
             }

@@ -7,7 +7,7 @@
 //! for each fragment).
 
 use super::caster::{Casters, Moved};
-use super::run::RUN;
+use crate::backend::cpu::columns::RUN;
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 

@@ -10,9 +10,9 @@ use super::caster::{Caster, Casters, Onto, Plane};
 use super::discs::Discs;
 use super::fit::MapArea;
 use super::layers::{Layers, Veil};
-use super::run::{RUN, Run};
+use super::run::Run;
 use super::splats::Splats;
-use crate::backend::cpu::columns::{Columns, lengths};
+use crate::backend::cpu::columns::{Columns, RUN, lengths};
 use crate::backend::cpu::tiles::LANES;
 use crate::math::simd::dispatch;
 

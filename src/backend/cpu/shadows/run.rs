@@ -8,14 +8,11 @@ use rayon::prelude::*;
 use super::discs::Discs;
 use super::view::LightView;
 use crate::backend::clusters::{Cluster, Clusters};
-use crate::backend::cpu::columns::{self, Columns, add_rates, transform, turn};
+use crate::backend::cpu::columns::{Columns, RUN, add_rates, transform, turn};
 use crate::backend::cpu::tiles::{LANES, Lanes};
 use crate::frame::{Frame, FrameObject, PosedObject, PosedSample};
 use crate::model::Surfels;
 use crate::model::paths::Paths;
-
-/// Most surfels of a run.
-pub(super) const RUN: usize = columns::RUN;
 
 /// Angle between normals below which a run is flat, radians.
 const SPREAD_OF_FLAT: f32 = 0.02;

@@ -128,14 +128,7 @@ impl LightView {
     /// `LANES` places on the plane of a view whose rays are parallel, and the distances along them.
     #[inline(always)]
     pub(super) fn lanes_on_plane(&self, p: &[Lanes; 3]) -> [Lanes; 3] {
-        let mut out = [[0.0; LANES]; 3];
-        for (row, out) in out.iter_mut().enumerate() {
-            let axis = self.axes.row(row);
-            for l in 0..LANES {
-                out[l] = axis.x * p[0][l] + axis.y * p[1][l] + axis.z * p[2][l];
-            }
-        }
-        out
+        turn(&self.axes, p)
     }
 
     /// Is a ball around a place of the view beside what the face of a point light shows?
