@@ -1,9 +1,11 @@
 //! `splatblur convert`: a model of any format to `.bin` or `.ply`, or a glTF file to a scene that plays it.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
+use glam::DVec3;
 use splatblur::model::{self, LoadedModel, LoadedShape, ModelError};
 use splatblur::{files, scene_file};
 
@@ -24,12 +26,13 @@ use super::values;
 #[command(after_long_help = "\
 Examples:
   splatblur convert scan.ply scan.bin
+  splatblur convert 'scan/*.laz' ground.bin --classes 2 --every 10
   splatblur convert pond.ply pond.bin --radius-scale 2.5
   splatblur convert statue.sfl statue.ply --force
   splatblur convert truck.glb truck")]
 pub(super) struct Convert {
-    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb. Volumes' grids (.nrrd)
-    /// have no surfels.
+    /// Model: .ply, .sfl, .obj, .xyz, .pts, .las, .laz, .e57, .bin; capture: .ply, .splat, .spz, .sog, .glb. Volumes'
+    /// grids (.nrrd) have no surfels. Several clouds of points are one model: 'scan/*.laz', in quotes.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// File to write, ending in .bin or .ply; of a glTF file also a folder.
@@ -41,6 +44,15 @@ pub(super) struct Convert {
     /// Colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
     #[arg(long, alias = "color-space", value_name = "SPACE", value_parser = values::colour_space())]
     colour_space: Option<model::ColourSpace>,
+    /// Cloud of points: take every n-th.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// LAS: take these classes alone, as 2,6.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    classes: Vec<u8>,
+    /// Cloud of points: where the scanner stood, in the coordinates of the file; estimated normals face it.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = values::place)]
+    scanner_position: Option<DVec3>,
     /// Replace OUT if it exists.
     #[arg(long)]
     force: bool,
@@ -67,7 +79,13 @@ impl Convert {
         // What it writes holds surfels.
         let kind = Some(model::Kind::Surfels);
         let (radius_scale, colour_space) = (self.radius_scale, self.colour_space);
-        let options = model::LoadOptions { kind, radius_scale, colour_space, ..model::LoadOptions::default() };
+        let classes: BTreeSet<u8> = self.classes.iter().copied().collect();
+        let points = model::PointOptions {
+            every: self.every,
+            classes: classes.into_iter().collect(),
+            scanner: self.scanner_position,
+        };
+        let options = model::LoadOptions { kind, radius_scale, colour_space, points, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share));
         drop(progress);

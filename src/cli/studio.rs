@@ -29,7 +29,7 @@ pub(super) struct StudioArgs {
         help_heading = "Model alone"
     )]
     unlit: Option<bool>,
-    /// A model file: the axis that points up, y, z or -y. glTF says it itself [default: y].
+    /// A model file: the axis that points up, y, z or -y. glTF says it itself [default: z of LAS and E57, else y].
     #[arg(
         long,
         value_name = "AXIS",
@@ -44,7 +44,7 @@ pub(super) struct StudioArgs {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ModelAlone {
     pub(super) studio: Option<StudioOptions>,
-    pub(super) up: Up,
+    pub(super) up: Option<Up>,
     /// An option that is for models alone and was given.
     given: Option<&'static str>,
 }
@@ -64,7 +64,7 @@ impl StudioArgs {
     pub(super) fn of(&self, background: Option<DVec3>, transparent: bool) -> ModelAlone {
         let studio = StudioOptions { unlit: self.unlit, background, transparent };
         let given = self.unlit.map(|_| "--unlit").or(self.up.map(|_| "--up"));
-        ModelAlone { studio: (!self.no_studio).then_some(studio), up: self.up.unwrap_or_default(), given }
+        ModelAlone { studio: (!self.no_studio).then_some(studio), up: self.up, given }
     }
 }
 

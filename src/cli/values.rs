@@ -10,7 +10,7 @@ use std::str::FromStr;
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
-use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, RATE, SHUTTER, STOPS};
+use splatblur::limits::{COORDINATE, EPSILON, LIGHT, RADIUS_SCALE, RATE, SHUTTER, STOPS};
 use splatblur::model::ColourSpace;
 use splatblur::movie::MovieKind;
 
@@ -197,6 +197,15 @@ pub(super) fn colour(text: &str) -> Result<DVec3, String> {
     }
 }
 
+/// `X,Y,Z`, a place.
+pub(super) fn place(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<f64> = text.split(',').map(real).collect::<Result<_, _>>()?;
+    match parts[..] {
+        [x, y, z] if parts.iter().all(|&v| COORDINATE.holds(v)) => Ok(DVec3::new(x, y, z)),
+        _ => Err("expected X,Y,Z, as in 1.5,0,-2".to_owned()),
+    }
+}
+
 /// `512k`, `64M`, `1G`, `1GiB`, or bytes; units are powers of 1024.
 pub(super) fn memory(text: &str) -> Result<u64, String> {
     let expected = || format!("`{text}` is no amount of memory: a number with k, M, G or T, as in 64M, 1.5G, 1GiB");
@@ -292,6 +301,8 @@ mod tests {
             let found = frames(text).unwrap_err();
             assert!(found.contains(why), "{text}: {found}");
         }
+        assert_eq!(place("-1,2.5,1e3"), Ok(DVec3::new(-1.0, 2.5, 1e3)));
+        assert!(place("1,2").is_err() && place("1,2,inf").is_err());
         assert_eq!(colour("0,0.5,2"), Ok(DVec3::new(0.0, 0.5, 2.0)));
         for text in ["0", "0,0", "0,0,-1", "0,0,nan", "0,0,0,0", "red"] {
             assert!(colour(text).is_err(), "{text}");

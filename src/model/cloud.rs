@@ -55,6 +55,10 @@ pub struct Cloud {
     pub velocity_unit: VelocityUnit,
     /// Identities: a point of another file of a sequence with the same one is the same point.
     pub id: Vec<i64>,
+    /// Places of scanners, model space.
+    pub stations: Vec<DVec3>,
+    /// Index in `stations` of the scanner that saw each point: estimated normals face it.
+    pub station: Vec<u16>,
     /// True if the signs of the normals mean nothing (Gaussian splats), so both sides are to be shown.
     pub two_sided: bool,
     /// True if the signs of the normals were estimated: outward on a closed surface. Completion sets it; see
@@ -83,6 +87,7 @@ impl Cloud {
             ("velocity", self.velocity.len()),
             ("acceleration", self.acceleration.len()),
             ("id", self.id.len()),
+            ("station", self.station.len()),
         ] {
             columns.check_optional(name, length)?;
         }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::cloud::{Cloud, ColourStorage, PLAIN};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
+use super::normals::Seen;
 use super::options::{ColourSpace, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
@@ -44,7 +45,8 @@ pub fn complete(
     let position: Vec<Vec3> = cloud.position.par_iter().map(|p| (p - origin).as_vec3()).collect();
     cloud.position = Vec::new();
 
-    let (normal, axes) = surfaces(&mut cloud, &position, options.radius_scale, progress, &mut notes);
+    let stations: Vec<Vec3> = cloud.stations.iter().map(|place| (*place - origin).as_vec3()).collect();
+    let (normal, axes) = surfaces(&mut cloud, &position, &stations, options.radius_scale, progress, &mut notes);
     let (axis_u, axis_v) = axes.into_par_iter().map(|[u, v]| (u, v)).unzip();
     let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
     repair(&mut cloud.material, Material::is_valid, Material::default(), "reflection coefficients", &mut notes);
@@ -86,6 +88,7 @@ macro_rules! for_each_column {
         $with(&mut $cloud.opacity, "opacities");
         $with(&mut $cloud.density, "densities");
         $with(&mut $cloud.volume, "volumes");
+        $with(&mut $cloud.station, "stations");
     };
 }
 
@@ -151,6 +154,7 @@ fn box_of(position: &[DVec3]) -> Bounds {
 fn surfaces(
     cloud: &mut Cloud,
     position: &[Vec3],
+    stations: &[Vec3],
     radius_scale: f64,
     progress: LoadProgress<'_>,
     notes: &mut Vec<String>,
@@ -185,7 +189,8 @@ fn surfaces(
     if flat > 0 {
         notes.push(format!("axes of {flat} points are zero, parallel or not finite: drawn as discs"));
     }
-    if let Some(reliable) = estimate(position, &mut normal, &mut radius, progress, notes) {
+    let seen = Seen { stations, of: &cloud.station };
+    if let Some(reliable) = estimate(position, &seen, &mut normal, &mut radius, progress, notes) {
         cloud.signs_estimated = true;
         cloud.two_sided |= !reliable;
     }
@@ -217,6 +222,7 @@ fn plane([u, v]: [Vec3; 2], lengths: [f32; 2]) -> Option<Vec3> {
 /// Fills in the normals and radii that are zero. If there were such normals: can their signs be relied on?
 fn estimate(
     position: &[Vec3],
+    seen: &Seen<'_>,
     normal: &mut [Vec3],
     radius: &mut [f32],
     progress: LoadProgress<'_>,
@@ -235,17 +241,20 @@ fn estimate(
     let neighbours = Neighbours::new(&distinct.position, count, progress);
     let least = |count: usize| count.min(distinct.position.len() - 1);
     if normals_missing {
-        let estimated = normals::estimate(normal, &distinct, &neighbours, progress);
+        let estimated = normals::estimate(normal, &distinct, seen, &neighbours, progress);
         let near = least(normals::NEAREST);
         let backs = 100.0 * estimated.most_backs;
-        let sides = if estimated.reliable {
+        let sides = if seen.is_known() {
+            "turned to the scanners: both sides show".to_owned()
+        } else if estimated.reliable {
             format!("closed ({backs:.1} % of the worst view shows backs): one-sided")
         } else {
             format!("open or unclear ({backs:.1} % of the worst view shows backs): both sides show")
         };
         let share = share(estimated.count);
         notes.push(format!("normals of {share} {points} points estimated from {near} neighbours; {sides}"));
-        signs = Some(estimated.reliable);
+        // A room that was scanned from inside has no outside.
+        signs = Some(estimated.reliable && !seen.is_known());
     }
     if radii_missing {
         let estimated = radii::estimate(radius, &distinct, &neighbours);

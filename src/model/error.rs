@@ -10,7 +10,8 @@ use crate::limits::Invalid;
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
 /// that report errors.
 pub(super) const KNOWN_FORMATS: &str = "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, \
-     splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, volumes .nrrd";
+     splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, volumes .nrrd, scans .las, .laz \
+     and .e57";
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +77,18 @@ pub enum ModelError {
         path: PathBuf,
         /// Either empty, or `: ` and why points were dropped.
         dropped: String,
+    },
+    /// A name with stars fits no file.
+    #[error("no file {}, expected one at least that the stars fit", path.display())]
+    NoMatch {
+        /// The name.
+        path: PathBuf,
+    },
+    /// One of several files that make a model is no cloud of points.
+    #[error("model {} is not a cloud of points: several files are one model only if all are", path.display())]
+    NoCloud {
+        /// The file.
+        path: PathBuf,
     },
     /// A sequence of files has a gap.
     #[error("no file {}, expected the numbers {first} to {last} of the sequence without a gap", path.display())]

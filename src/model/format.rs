@@ -36,6 +36,10 @@ pub enum ModelFormat {
     Gltf,
     /// Regular grids of a volume's values: NRRD with its data in the same file.
     Nrrd,
+    /// Points of laser scanners: LAS, LAZ and COPC. Needs the Cargo feature `formats`.
+    Las,
+    /// Points of laser scanners: E57, which may hold several scans. Needs the Cargo feature `formats`.
+    E57,
 }
 
 impl ModelFormat {
@@ -60,6 +64,10 @@ impl ModelFormat {
             Some(Self::Glb)
         } else if bytes.starts_with(b"NRRD") {
             Some(Self::Nrrd)
+        } else if bytes.starts_with(b"LASF") {
+            Some(Self::Las)
+        } else if bytes.starts_with(b"ASTM-E57") {
+            Some(Self::E57)
         } else if gltf::is_text(bytes) {
             Some(Self::Gltf)
         } else {

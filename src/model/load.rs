@@ -12,10 +12,10 @@ use super::complete::complete;
 use super::error::{ModelError, ParseError};
 use super::format::ModelFormat;
 use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
-use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
+use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
 use super::surfels::{KeptLevels, Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, inward, obj, ply, sfl, tidy, xyz};
+use super::{bin, inward, obj, ply, scan, several, sfl, tidy, xyz};
 use crate::files;
 use crate::math::srgb;
 
@@ -115,7 +115,7 @@ pub enum Parsed {
 /// # Errors
 /// The bytes are not a valid file of this format.
 pub fn parse(bytes: &[u8], format: ModelFormat) -> Result<Parsed, ParseError> {
-    parse_told(bytes, format, &|_| {})
+    Ok(tidied(read(bytes, format, false, &PointOptions::default(), &|_| {})?))
 }
 
 /// Reads the mesh of a file with faces, or `None` if it has none.
@@ -123,7 +123,7 @@ pub fn parse(bytes: &[u8], format: ModelFormat) -> Result<Parsed, ParseError> {
 /// # Errors
 /// The bytes are not a valid file of this format.
 pub fn parse_mesh(bytes: &[u8], format: ModelFormat) -> Result<Option<Mesh>, ParseError> {
-    Ok(match read(bytes, format, true, &|_| {})? {
+    Ok(match read(bytes, format, true, &PointOptions::default(), &|_| {})? {
         ModelContent::Mesh(cloud, triangles) => Some(mesh::of_cloud(cloud, triangles, None)),
         ModelContent::Capture(_) | ModelContent::Cloud(_) | ModelContent::Surfels(_) | ModelContent::Grid(_) => None,
     })
@@ -134,7 +134,7 @@ pub fn parse_mesh(bytes: &[u8], format: ModelFormat) -> Result<Option<Mesh>, Par
 /// # Errors
 /// The bytes are not a valid file of this format.
 pub fn parse_capture(bytes: &[u8], format: ModelFormat) -> Result<Option<Gaussians>, ParseError> {
-    Ok(match read(bytes, format, false, &|_| {})? {
+    Ok(match read(bytes, format, false, &PointOptions::default(), &|_| {})? {
         ModelContent::Capture(gaussians) => Some(gaussians),
         ModelContent::Cloud(_) | ModelContent::Mesh(..) | ModelContent::Surfels(_) | ModelContent::Grid(_) => None,
     })
@@ -221,6 +221,26 @@ enum Contents {
 /// Reads the bytes of a model file, and those of the files that it names, and nothing more: what comes after need not
 /// be done again where a file has changed meanwhile.
 fn contents(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> Result<Contents, ModelError> {
+    let Some(files) = several::matching(path)? else { return contents_of(path, options, progress) };
+    let mut size = 0;
+    let mut clouds = Vec::with_capacity(files.len());
+    for (number, file) in files.iter().enumerate() {
+        let part = |what: &str, share: f32| progress(what, (number as f32 + share) / files.len() as f32);
+        match contents_of(file, options, &part)? {
+            Contents::Other(ModelContent::Cloud(cloud), bytes) => {
+                clouds.push(cloud);
+                size += bytes;
+            }
+            Contents::Mesh(_) | Contents::Other(..) => return Err(ModelError::NoCloud { path: file.clone() }),
+        }
+    }
+    let mut all = several::joined(clouds);
+    all.notes.insert(0, format!("{} files", files.len()));
+    Ok(Contents::Other(ModelContent::Cloud(all), size))
+}
+
+/// As [`contents`], of one file.
+fn contents_of(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> Result<Contents, ModelError> {
     let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
     let of_input = |why| ModelError::of_input(path, why);
     refuse_by_name(path)?;
@@ -235,6 +255,7 @@ fn contents(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> R
         if options.node.is_some() {
             return Err(no_nodes());
         }
+        scan::refuse(&options.points).map_err(invalid)?;
         let surfels = bin::read(input, size).map_err(|why| match why {
             Fault::Format(why) => invalid(why),
             Fault::Io(why) => of_input(why.into()),
@@ -252,9 +273,11 @@ fn contents(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> R
         && (sampled || format != ModelFormat::Obj)
         && let Some(mesh) = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?
     {
+        scan::refuse(&options.points).map_err(invalid)?;
         return Ok(Contents::Mesh(mesh));
     }
-    let content = read(&bytes, format, sampled, &|share| progress("reading", share)).map_err(invalid)?;
+    let told = |share| progress("reading", share);
+    let content = read(&bytes, format, sampled, &options.points, &told).map_err(invalid)?;
     Ok(Contents::Other(content, size))
 }
 
@@ -297,10 +320,6 @@ fn vertices(
         ..Cloud::default()
     };
     completed(tidy::tidy(cloud), options, path, progress)
-}
-
-fn parse_told(bytes: &[u8], format: ModelFormat, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
-    Ok(tidied(read(bytes, format, false, progress)?))
 }
 
 /// Samples a mesh to surfels (Pfister et al. 2000, section 5). `path` stands for its file in messages.
@@ -420,8 +439,14 @@ enum ModelContent {
 }
 
 /// `faces`: files with faces are meshes.
-fn read(bytes: &[u8], format: ModelFormat, faces: bool, progress: &dyn Fn(f32)) -> Result<ModelContent, ParseError> {
-    Ok(match format {
+fn read(
+    bytes: &[u8],
+    format: ModelFormat,
+    faces: bool,
+    points: &PointOptions,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<ModelContent, ParseError> {
+    let mut content = match format {
         ModelFormat::Ply => match ply::parse(bytes, faces, progress)? {
             ply::PlyContent::Cloud(cloud) => ModelContent::Cloud(cloud),
             ply::PlyContent::Mesh(cloud, triangles) => ModelContent::Mesh(cloud, triangles),
@@ -439,7 +464,20 @@ fn read(bytes: &[u8], format: ModelFormat, faces: bool, progress: &dyn Fn(f32)) 
         ModelFormat::Gltf => return Err(ParseError::byte(0, "a glTF text without triangles", "triangles")),
         ModelFormat::Bin => ModelContent::Surfels(bin::parse(bytes)?),
         ModelFormat::Nrrd => ModelContent::Grid(volume::parse_nrrd(bytes, progress)?),
-    })
+        ModelFormat::Las => ModelContent::Cloud(scan::parse_las(bytes, points, progress)?),
+        ModelFormat::E57 => ModelContent::Cloud(scan::parse_e57(bytes, points, progress)?),
+    };
+    let is_scan = matches!(format, ModelFormat::Las | ModelFormat::E57);
+    match &mut content {
+        ModelContent::Cloud(cloud) => {
+            if !is_scan {
+                scan::choose(cloud, points)?;
+            }
+            scan::stand(cloud, points);
+        }
+        _ => scan::refuse(points)?,
+    }
+    Ok(content)
 }
 
 /// Applies what a scene says to surfels that are already complete. Their colours are linear unless the scene names

@@ -1,6 +1,6 @@
 //! Point models: reads files of several formats into a [`Cloud`], and completes a cloud into [`Surfels`].
 //!
-//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
+//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `scan`, `bin` (bytes to a cloud) → `tidy`
 //! (points and attributes that cannot be drawn), or `builder` (points of a program) → `complete` (normals and radii
 //! that are missing; `sides`: do the signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to
 //! surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`]. `load` does all this. `normalisation` is
@@ -39,6 +39,8 @@ mod ply_faces;
 mod ply_header;
 mod ply_scales;
 mod radii;
+mod scan;
+mod several;
 mod sfl;
 mod sfl_codes;
 mod sfl_container;
@@ -62,7 +64,10 @@ pub use format::ModelFormat;
 pub(crate) use inward::INWARD;
 pub use load::{LoadedModel, LoadedShape, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub(crate) use load::{ReadFile, open};
-pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Spacing};
+pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
+#[cfg(feature = "formats")]
+pub use scan::{Scan, ScanFacts, scan_facts};
+pub use several::matching;
 pub use surfels::{KeptLevels, Material, Normalisation, Surfels, VelocityUnit};
 pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, TransferFunction, TransferFunctionError, TransferStop, VolumeFacts,

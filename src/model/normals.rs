@@ -30,15 +30,42 @@ pub(super) struct Estimated {
     pub(super) reliable: bool,
 }
 
+/// From where scanners saw the points of a cloud.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Seen<'a> {
+    /// Places of scanners.
+    pub(super) stations: &'a [Vec3],
+    /// The scanner of each point of the cloud; empty where nobody knows.
+    pub(super) of: &'a [u16],
+}
+
+impl Seen<'_> {
+    /// Is there a scanner for each point?
+    pub(super) fn is_known(&self) -> bool {
+        !self.of.is_empty() && !self.stations.is_empty()
+    }
+
+    /// The scanners of distinct points: of equal points that of the first; `None` where nobody knows.
+    fn of_distinct(&self, cloud: &Distinct) -> Option<Vec<u16>> {
+        let mut stations = self.is_known().then(|| vec![0; cloud.position.len()])?;
+        for (&station, &i) in self.of.iter().zip(&cloud.of).rev() {
+            stations[i as usize] = station;
+        }
+        Some(stations)
+    }
+}
+
 /// Replaces the normals that are zero by estimates.
 ///
 /// The direction comes from the principal components of the point and its 16 nearest distinct points. The sign comes
-/// from [`orient`]: given normals are kept, and their neighbours follow them. In a straight neighbourhood the normal is
+/// from the scanner that saw the point, which saw its front; where there is none, from [`orient`]: given normals are
+/// kept, and their neighbours follow them. In a straight neighbourhood the normal is
 /// the perpendicular nearest to +z (+y for a line along z). If all points are in one place, the normal is +z, towards
 /// the default camera. `normal` has an entry for each point of the cloud, `neighbours` has one for each distinct point.
 pub(super) fn estimate(
     normal: &mut [Vec3],
     cloud: &Distinct,
+    seen: &Seen<'_>,
     neighbours: &Neighbours,
     progress: LoadProgress<'_>,
 ) -> Estimated {
@@ -50,18 +77,26 @@ pub(super) fn estimate(
             *at = n;
         }
     }
-    let given: Vec<bool> = place.iter().map(|&n| n != Vec3::ZERO).collect();
+    let mut given: Vec<bool> = place.iter().map(|&n| n != Vec3::ZERO).collect();
+    let stations = seen.of_distinct(cloud);
     let total = place.len();
     let done = AtomicUsize::new(0);
     place.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
         for (i, n) in (chunk * CHUNK..).zip(normals.iter_mut()) {
             if !given[i] {
                 *n = thinnest(&cloud.position, i, neighbours.of(i));
+                let station = stations.as_ref().and_then(|of| seen.stations.get(usize::from(of[i])));
+                if station.is_some_and(|station| n.dot(*station - cloud.position[i]) < 0.0) {
+                    *n = -*n;
+                }
             }
         }
         let share = done.fetch_add(normals.len(), Ordering::Relaxed) + normals.len();
         progress("estimating normals", share as f32 / total as f32);
     });
+    if stations.is_some() {
+        given.fill(true);
+    }
     let guided = orient(&cloud.position, &mut place, given, neighbours, progress);
     let radius = if total > 1 { radii::of_distinct(&cloud.position, neighbours) } else { vec![0.0; total] };
     let discs = Discs { position: &cloud.position, normal: &place, radius: &radius, guided: &guided };
@@ -168,7 +203,7 @@ pub(super) mod tests {
     pub(crate) fn completed(points: &[Vec3], mut normal: Vec<Vec3>) -> Vec<Vec3> {
         let cloud = Distinct::new(points);
         let neighbours = Neighbours::new(&cloud.position, NEAREST, &|_, _| {});
-        estimate(&mut normal, &cloud, &neighbours, &|_, _| {});
+        estimate(&mut normal, &cloud, &Seen::default(), &neighbours, &|_, _| {});
         normal
     }
 

@@ -1,5 +1,7 @@
 //! What a caller may say about a model, and what the caller is told meanwhile.
 
+use glam::DVec3;
+
 use super::volume::VolumeOptions;
 
 /// The colour space of a model file's colours (`<pointModel colourSpace="...">`).
@@ -53,6 +55,23 @@ impl Default for MeshOptions {
     }
 }
 
+/// Which points of a cloud are taken, and from where they were seen. It means nothing for other models.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointOptions {
+    /// Every n-th point is taken, >= 1, in the order of the file.
+    pub every: u32,
+    /// The classes of LAS that are taken, each once, rising; empty: all.
+    pub classes: Vec<u8>,
+    /// Where the scanner stood that saw all points, in the coordinates of the file: estimated normals face it.
+    pub scanner: Option<DVec3>,
+}
+
+impl Default for PointOptions {
+    fn default() -> Self {
+        Self { every: 1, classes: Vec::new(), scanner: None }
+    }
+}
+
 /// The choices that a scene has for a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -69,12 +88,15 @@ pub struct LoadOptions {
     pub node: Option<String>,
     /// How a mesh becomes surfels; nothing for other models.
     pub mesh: MeshOptions,
+    /// Which points of a cloud are taken; nothing for other models.
+    pub points: PointOptions,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
         let (volume, mesh) = (VolumeOptions::default(), MeshOptions::default());
-        Self { kind: None, radius_scale: 1.0, colour_space: None, volume, node: None, mesh }
+        let points = PointOptions::default();
+        Self { kind: None, radius_scale: 1.0, colour_space: None, volume, node: None, mesh, points }
     }
 }
 

@@ -109,6 +109,7 @@ pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
     filter(&mut cloud.opacity, keep);
     filter(&mut cloud.density, keep);
     filter(&mut cloud.volume, keep);
+    filter(&mut cloud.station, keep);
 }
 
 /// True for axes that span a plane: they are finite, not too long, and not parallel (sine of the angle above 1e-6).

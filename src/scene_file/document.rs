@@ -1,5 +1,6 @@
 //! Turns a checked tree into plain values that need no file.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -11,7 +12,8 @@ use crate::anim::{Interpolation, TrackFormat, TrackOptions};
 use crate::limits::FAR;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{
-    self, ColourSpace, Kind, Material, MeshOptions, TransferFunction, TransferStop, VelocityUnit, VolumeOptions,
+    self, ColourSpace, Kind, Material, MeshOptions, PointOptions, TransferFunction, TransferStop, VelocityUnit,
+    VolumeOptions,
 };
 use crate::options::Detail;
 use crate::scene::{
@@ -374,6 +376,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             volume,
             mesh,
             node: model.text("node")?,
+            points: points(&model)?,
         },
         gaussians: gaussians(&model)?,
         transform: placement(&inside("transform"))?,
@@ -382,6 +385,23 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         place: placement(&inside("place"))?,
         material: material(&inside("material"), part.element.child("material").is_some())?,
     })
+}
+
+/// The choices among the points of a cloud.
+fn points(model: &Part<'_>) -> Result<PointOptions, SceneError> {
+    let every = model.integer("every")?.and_then(|every| u32::try_from(every).ok()).unwrap_or(1);
+    let classes = match model.text("classes")? {
+        None => Vec::new(),
+        Some(text) => classes(&text)
+            .ok_or_else(|| model.bad("classes", &quoted(&text), "whole numbers from 0 to 255, as 2,6".to_owned()))?,
+    };
+    Ok(PointOptions { every, classes, scanner: model.optional_vector("scannerPosition")? })
+}
+
+/// Numbers of classes, rising, each once.
+fn classes(text: &str) -> Option<Vec<u8>> {
+    let numbers: Option<BTreeSet<u8>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    numbers.map(|numbers| numbers.into_iter().collect())
 }
 
 /// A model file, or a sequence of them.

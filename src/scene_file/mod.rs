@@ -20,7 +20,7 @@ mod write;
 mod xml;
 
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
@@ -47,8 +47,9 @@ pub struct SceneLoadOptions<'a> {
     /// Width and height of the image, pixels, in place of the scene's. Meshes without a spacing depend on it, and so
     /// does a camera that is found.
     pub size: Option<(u32, u32)>,
-    /// The axis that is up in a model file that does not say so. Scene files say it of each object.
-    pub up: Up,
+    /// The axis that is up in a model file that does not say so; `None`: z in LAS and E57, y in all others. Scene files
+    /// say it of each object.
+    pub up: Option<Up>,
     /// When the shutter opens and closes on a model alone, frames around the frame number; its camera in a studio
     /// depends on it. Scene files say it themselves.
     pub shutter: Option<(f64, f64)>,
@@ -183,7 +184,11 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, Mode
 }
 
 /// Turns what stands on another axis, unless its file says which; then the note says so.
-fn stand(object: &mut Object, up: Up, path: &Path) -> Option<String> {
+fn stand(object: &mut Object, up: Option<Up>, path: &Path) -> Option<String> {
+    let format = format_of(path);
+    let is_scan = matches!(format, Some(ModelFormat::Las | ModelFormat::E57));
+    let note = (up.is_none() && is_scan).then(|| format!("{}: z is taken as up, as scans have it", path.display()));
+    let up = up.unwrap_or(if is_scan { Up::Z } else { Up::Y });
     // Three quarters of a turn about x take z to y. A quarter back would do the same, but for the sign of a rounding
     // error that the up direction of captures goes by.
     let turn: f64 = match up {
@@ -191,19 +196,20 @@ fn stand(object: &mut Object, up: Up, path: &Path) -> Option<String> {
         Up::Z => 270.0,
         Up::MinusY => 180.0,
     };
-    if says_what_is_up(path) {
+    if matches!(format, Some(ModelFormat::Glb | ModelFormat::Gltf)) {
         return Some(format!("{}: up {up} is left out, because glTF has y up", path.display()));
     }
     object.place = Trs { rotate: DVec3::new(turn.to_radians(), 0.0, 0.0), ..Trs::default() };
-    None
+    note
 }
 
-/// glTF alone does.
-fn says_what_is_up(path: &Path) -> bool {
+/// The format of a file, or of the first of several, by its first bytes.
+fn format_of(path: &Path) -> Option<ModelFormat> {
+    let files = model::matching(path).ok()?;
+    let first = files.as_ref().and_then(|files| files.first()).map_or(path, PathBuf::as_path);
     let mut head = Vec::new();
-    let read = files::open(path).map(|file| file.take(512).read_to_end(&mut head));
-    let format = read.ok().and_then(|_| ModelFormat::detect(&head, path));
-    matches!(format, Some(ModelFormat::Glb | ModelFormat::Gltf))
+    files::open(first).ok()?.take(512).read_to_end(&mut head).ok()?;
+    ModelFormat::detect(&head, first)
 }
 
 /// Checks the bytes of a scene file without looking at the files that it names; gives the notes of `lenient`.

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::dom::{FileRef, Source};
 use super::error::{SceneError, quoted};
-use crate::files;
+use crate::{files, model};
 
 /// Finds the files that one scene names.
 pub(super) struct Finder<'a> {
@@ -36,6 +36,12 @@ impl<'a> Finder<'a> {
         let mut tried = Vec::new();
         for base in &self.bases {
             let path = base.join(&wanted);
+            if let Ok(Some(files)) = model::matching(&path) {
+                for several in files {
+                    self.permitted(file, several)?;
+                }
+                return Ok((path, None));
+            }
             match fs::metadata(&path) {
                 Ok(data) if data.is_file() => return Ok((self.permitted(file, path)?, None)),
                 Ok(data) => tried.push(format!("{} ({})", path.display(), files::kind(data.file_type()))),

@@ -435,8 +435,8 @@ impl Files<'_> {
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!(
-                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind`, `spacing`, `reduce` and \
-                     what volumes take for one file"
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind`, `spacing`, `reduce`, what \
+                     clouds of points and what volumes take for one file"
                 ),
             });
         }

@@ -459,6 +459,14 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("the whole scene of the file"),
                 "node of a glTF file whose mesh is drawn, in the node's own space",
             ),
+            row("every", ValueKind::Integer(1, MOST_NUMBER), Value("1"), "every n-th point of a cloud is taken"),
+            row("classes", ValueKind::Text, Auto("all"), "classes of LAS that are taken, as 2,6"),
+            row(
+                "scannerPosition",
+                ValueKind::Vector(COORDINATE),
+                Auto("that of E57, else none"),
+                "where the scanner of a cloud stood, in the file's coordinates: estimated normals face it",
+            ),
             row("lit", ValueKind::Boolean, Value("false"), "true: lights shade a volume, with gradients as normals"),
             row("opacity", ValueKind::Number(UNIT), Value("1"), "factor on the opacities of a capture or a volume"),
             row(

@@ -14,7 +14,7 @@ use crate::anim::{Interpolation, NodeMotion, TrackOptions};
 use crate::limits::{LIGHT, MOST_INTENSITY};
 use crate::math::Trs;
 use crate::model::{
-    ColourSpace, Kind, LoadOptions, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions,
+    ColourSpace, Kind, LoadOptions, MeshOptions, PointOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions,
 };
 use crate::options::Detail;
 use crate::scene::{AnimationBinding, Camera, Drawing, Light, Motion, Object, PointMotion, Scene, Shape};
@@ -234,7 +234,7 @@ impl Xml {
             let attributes = [("radius", number(sphere.radius)), ("colour", format!("{x} {y} {z}"))];
             return self.line(2, "sphere", &attributes);
         }
-        let LoadOptions { kind, radius_scale, colour_space, volume, mesh, node } = &object.source.options;
+        let LoadOptions { kind, radius_scale, colour_space, volume, mesh, node, points } = &object.source.options;
         let mut attributes = vec![("radiusScale", number(*radius_scale))];
         attributes.extend(colour_space.map(|c| {
             let word = match c {
@@ -267,6 +267,15 @@ impl Xml {
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
         attributes.extend(node.clone().map(|node| ("node", node)));
+        let PointOptions { every, classes, scanner } = points;
+        if *every > 1 {
+            attributes.push(("every", every.to_string()));
+        }
+        if !classes.is_empty() {
+            let words: Vec<String> = classes.iter().map(u8::to_string).collect();
+            attributes.push(("classes", words.join(",")));
+        }
+        attributes.extend(scanner.map(|place| ("scannerPosition", vector(place))));
         if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.shape.drawing(object.opacity) {
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
             if let Some([min, max]) = crop {

@@ -11,6 +11,8 @@ use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
 use splatblur::model::mesh::{Mesh, Texture};
 use splatblur::model::{Gaussians, LoadedModel, LoadedShape, Material, Optics, Surfels, VelocityUnit, VolumeFacts};
+#[cfg(feature = "formats")]
+use splatblur::model::{Scan, ScanFacts};
 use splatblur::scene::{AnimationBinding, Camera, GaussianModel, Light, Motion, Object, Shape};
 use splatblur::scene_file;
 
@@ -225,6 +227,36 @@ pub(super) fn model_file(loaded: &LoadedModel) -> Value {
         pairs.push(("mesh", json!({ "triangles": mesh.triangles(), "spacing": spacing })));
     }
     pairs.push(("notes", json!(loaded.notes)));
+    object(pairs)
+}
+
+/// Files of laser scanners, by their headers.
+#[cfg(feature = "formats")]
+pub(super) fn scans(files: &[ScanFacts]) -> Value {
+    let place = vector;
+    let of = |file: &ScanFacts| {
+        let mut pairs = vec![("format", json!(file.format)), ("points", json!(file.points))];
+        if let Some(Bounds { min, max }) = file.bounds {
+            pairs.push(("bounds", json!({ "min": place(min), "max": place(max) })));
+        }
+        pairs.push(("columns", json!(file.columns)));
+        pairs.extend(file.system.as_ref().map(|system| ("system", json!(system))));
+        pairs.push(("writer", json!(file.writer)));
+        if !file.scans.is_empty() {
+            let scan =
+                |scan: &Scan| json!({ "name": scan.name, "points": scan.points, "scanner": scan.station.map(place) });
+            pairs.push(("scans", Value::Array(file.scans.iter().map(scan).collect())));
+        }
+        object(pairs)
+    };
+    let mut pairs = vec![("kind", json!("scan"))];
+    match files {
+        [one] => pairs.push(("scan", of(one))),
+        several => {
+            pairs.push(("points", json!(several.iter().map(|file| file.points).sum::<u64>())));
+            pairs.push(("files", Value::Array(several.iter().map(of).collect())));
+        }
+    }
     object(pairs)
 }
 

@@ -31,8 +31,9 @@ Examples:
   splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
-    /// Scene (.xml), model (.ply, .sfl, .obj, .glb, .gltf, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog,
-    /// .glb), volume (.nrrd, .ply), animation (.anim) or image (.png, .exr); told apart by content.
+    /// Scene (.xml), model (.ply, .sfl, .obj, .glb, .gltf, .xyz, .pts, .bin), scan (.las, .laz, .e57: the header
+    /// alone), capture (.ply, .splat, .spz, .sog, .glb), volume (.nrrd, .ply), animation (.anim) or image (.png, .exr);
+    /// told apart by content.
     #[arg(required_unless_present = "adapters")]
     file: Option<PathBuf>,
 
@@ -149,6 +150,9 @@ impl Info {
     }
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
+        if let Some(report) = scans(file)? {
+            return self.show(&report);
+        }
         if let Some(report) = meshes(file)? {
             return self.show(&report);
         }
@@ -163,6 +167,20 @@ impl Info {
     fn show(&self, report: &serde_json::Value) -> anyhow::Result<()> {
         if self.json { print_json(report) } else { print(&describe::text(report)) }
     }
+}
+
+/// What the headers of files of laser scanners say, one or several; `None` for all other files.
+#[cfg(feature = "formats")]
+fn scans(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
+    let files = model::matching(file)?.unwrap_or_else(|| vec![file.to_owned()]);
+    let facts: Result<Option<Vec<_>>, _> = files.iter().map(|file| model::scan_facts(file)).collect();
+    Ok(facts?.map(|facts| describe::scans(&facts)))
+}
+
+/// No such file is read.
+#[cfg(not(feature = "formats"))]
+fn scans(_: &Path) -> anyhow::Result<Option<serde_json::Value>> {
+    Ok(None)
 }
 
 /// What a glTF file with triangles holds; `None` for all other files.
@@ -186,8 +204,11 @@ fn meshes(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
     })
 }
 
-/// The first bytes of a regular file.
+/// The first bytes of a regular file, or of the first of several.
 pub(super) fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
+    if let Some([first, ..]) = model::matching(path)?.as_deref() {
+        return head(first);
+    }
     files::steady(|| {
         let mut head = Vec::new();
         files::open(path)?.take(512).read_to_end(&mut head)?;

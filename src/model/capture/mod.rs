@@ -217,7 +217,7 @@ pub(super) fn parse_sog(_: &[u8], _: &dyn Fn(f32)) -> Result<Gaussians, ParseErr
 }
 
 #[cfg(not(feature = "formats"))]
-fn needs_formats(found: &str) -> ParseError {
+pub(super) fn needs_formats(found: &str) -> ParseError {
     ParseError::byte(0, found, "a program built with the Cargo feature `formats`, which reads it")
 }
 

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use super::*;
 use crate::model::neighbours::{Distinct, Neighbours};
-use crate::model::normals::{Estimated, NEAREST, estimate};
+use crate::model::normals::{Estimated, NEAREST, Seen, estimate};
 
 /// Numbers uniform in 0..1, the same on every run (splitmix64).
 struct Dice(u64);
@@ -44,7 +44,7 @@ fn estimated(points: &[DVec3]) -> (Estimated, Vec<Vec3>) {
     let cloud = Distinct::new(&points);
     let neighbours = Neighbours::new(&cloud.position, NEAREST, &|_, _| {});
     let mut normal = vec![Vec3::ZERO; points.len()];
-    (estimate(&mut normal, &cloud, &neighbours, &|_, _| {}), normal)
+    (estimate(&mut normal, &cloud, &Seen::default(), &neighbours, &|_, _| {}), normal)
 }
 
 /// Points of an ellipsoid at uneven density, and its outward normals.
@@ -177,9 +177,9 @@ fn signs_that_the_file_gives_are_relied_on() {
     let cloud = Distinct::new(&points);
     let neighbours = Neighbours::new(&cloud.position, NEAREST, &|_, _| {});
     let mut normal = vec![Vec3::ZERO; 400];
-    assert!(!estimate(&mut normal.clone(), &cloud, &neighbours, &|_, _| {}).reliable);
+    assert!(!estimate(&mut normal.clone(), &cloud, &Seen::default(), &neighbours, &|_, _| {}).reliable);
     normal[17] = -Vec3::Y;
-    let found = estimate(&mut normal, &cloud, &neighbours, &|_, _| {});
+    let found = estimate(&mut normal, &cloud, &Seen::default(), &neighbours, &|_, _| {});
     assert_eq!((found.most_backs, found.reliable), (0.0, true));
 }
 

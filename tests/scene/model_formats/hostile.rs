@@ -7,7 +7,7 @@ use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [ModelFormat; 11] = [
+const FORMATS: [ModelFormat; 13] = [
     ModelFormat::Ply,
     ModelFormat::Sfl,
     ModelFormat::Obj,
@@ -19,6 +19,8 @@ const FORMATS: [ModelFormat; 11] = [
     ModelFormat::Spz,
     ModelFormat::Glb,
     ModelFormat::Nrrd,
+    ModelFormat::Las,
+    ModelFormat::E57,
 ];
 
 /// Small valid files of every format.
@@ -294,8 +296,11 @@ proptest! {
         let spz = b"NGSP\x04\0\0\0\x02\0\0\0\0\x0c\0\x05\x20\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
         let glb = b"glTF\x02\0\0\0\x14\0\0\0";
         let nrrd = b"NRRD0004\ntype: float\ndimension: 3\nendian: big\nencoding: gzip\nsizes: 1 2 ";
-        let marks: [&[u8]; 11] =
-            [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04", spz, glb, nrrd];
+        let las = b"LASF\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x01\x04";
+        let e57 = b"ASTM-E57\x01\0\0\0\0\0\0\0";
+        let marks: [&[u8]; 13] = [
+            b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04", spz, glb, nrrd, las, e57,
+        ];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }

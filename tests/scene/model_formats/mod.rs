@@ -12,6 +12,8 @@ mod nrrd;
 mod obj;
 mod ply;
 mod ply_crosscheck;
+#[cfg(feature = "formats")]
+mod scans;
 mod sfl;
 #[cfg(feature = "formats")]
 mod sog;

@@ -1,0 +1,142 @@
+//! E57 (ASTM E2807): one file with several scans, each with the place where its scanner stood.
+//!
+//! The crate `e57` reads it. It takes memory for as long a text as the header claims, so the header is looked at first.
+
+use std::io::Cursor;
+
+use ::e57::{CartesianCoordinate, E57Reader, Header, PointCloud};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{Thinning, check_count, grey};
+use crate::model::cloud::{Cloud, ColourStorage};
+use crate::model::error::ParseError;
+use crate::model::options::PointOptions;
+
+/// Bytes of the header.
+pub(super) const HEADER: usize = 48;
+/// Byte at which the header says how long its text is.
+const LENGTH_AT: usize = 32;
+/// Points between two reports of progress.
+const REPORT: u64 = 1 << 16;
+
+/// One error for all that the crate finds: it does not say where.
+pub(super) fn fault(why: &::e57::Error) -> ParseError {
+    ParseError::byte(0, why.to_string(), "a valid E57 file")
+}
+
+/// Checks that the header's text fits into a file of `size` bytes.
+pub(super) fn check_header(head: &[u8], size: u64) -> Result<(), ParseError> {
+    let header = Header::read(&mut Cursor::new(head)).map_err(|why| fault(&why))?;
+    if header.xml_length > size {
+        let found = format!("a text of {} bytes", header.xml_length);
+        return Err(ParseError::byte(LENGTH_AT, found, format!("at most {size}, the size of the file")));
+    }
+    Ok(())
+}
+
+/// The place of a scan's scanner.
+pub(super) fn station(scan: &PointCloud) -> Option<DVec3> {
+    let at = &scan.transform.as_ref()?.translation;
+    Some(DVec3::new(at.x, at.y, at.z)).filter(|at| at.is_finite())
+}
+
+/// The points of one scan that are taken.
+#[derive(Default)]
+struct Gathered {
+    position: Vec<DVec3>,
+    colour: Vec<Vec3>,
+    intensity: Vec<f32>,
+    invalid: u64,
+}
+
+impl Gathered {
+    fn of(
+        bytes: &[u8],
+        scan: &PointCloud,
+        every: &PointOptions,
+        done: &(dyn Fn(u64) + Sync),
+    ) -> Result<Self, ParseError> {
+        let mut reader = E57Reader::new(Cursor::new(bytes)).map_err(|why| fault(&why))?;
+        let mut points = reader.pointcloud_simple(scan).map_err(|why| fault(&why))?;
+        // Greys of our own have the same scale in all scans.
+        points.intensity_to_color(false);
+        points.normalize_intensity(scan.intensity_limits.is_some());
+        let mut gathered = Self::default();
+        let mut thinning = Thinning::new(every);
+        for (number, point) in (1..).zip(points) {
+            let point = point.map_err(|why| fault(&why))?;
+            if number % REPORT == 0 {
+                done(REPORT);
+            }
+            let CartesianCoordinate::Valid { x, y, z } = point.cartesian else {
+                gathered.invalid += 1;
+                continue;
+            };
+            if thinning.takes() {
+                gathered.position.push(DVec3::new(x, y, z));
+                gathered.colour.extend(point.color.map(|c| Vec3::new(c.red, c.green, c.blue)));
+                gathered.intensity.push(point.intensity.unwrap_or(0.0));
+            }
+        }
+        done(scan.records % REPORT);
+        Ok(gathered)
+    }
+}
+
+/// Reads all scans of an E57 file, in its own coordinates.
+///
+/// Points that the scanner did not hit anything with are left out. Every n-th point is taken in each scan.
+///
+/// # Errors
+/// The bytes are not a valid file, or it claims more points than it can hold.
+pub(in crate::model) fn parse(
+    bytes: &[u8],
+    options: &PointOptions,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Cloud, ParseError> {
+    check_header(bytes, bytes.len() as u64)?;
+    if !options.classes.is_empty() {
+        return Err(ParseError::byte(0, "points without classes", "LAS or LAZ, as `classes` are named"));
+    }
+    let reader = E57Reader::new(Cursor::new(bytes)).map_err(|why| fault(&why))?;
+    let scans = reader.pointclouds();
+    drop(reader);
+    let claimed = scans.iter().fold(0_u64, |sum, scan| sum.saturating_add(scan.records));
+    check_count(claimed, bytes.len(), 0)?;
+    let read = std::sync::atomic::AtomicU64::new(0);
+    let done = |points: u64| {
+        let read = read.fetch_add(points, std::sync::atomic::Ordering::Relaxed) + points;
+        progress(read as f32 / claimed.max(1) as f32);
+    };
+    let gathered: Result<Vec<_>, _> = scans.par_iter().map(|scan| Gathered::of(bytes, scan, options, &done)).collect();
+    let gathered = gathered?;
+    let mut cloud = Cloud { colour_storage: ColourStorage::Integer, ..Cloud::default() };
+    let mut intensity = Vec::new();
+    let stations: Vec<Option<DVec3>> = scans.iter().map(station).collect();
+    // One scan without a place of its scanner leaves the sides of all to their shape.
+    let placed = stations.iter().all(Option::is_some) && u16::try_from(scans.len()).is_ok();
+    let coloured = gathered.iter().all(|scan| scan.colour.len() == scan.position.len());
+    let mut invalid = 0;
+    for (number, scan) in (0..=u16::MAX).zip(gathered) {
+        if placed {
+            cloud.station.extend(std::iter::repeat_n(number, scan.position.len()));
+        }
+        cloud.position.extend(scan.position);
+        if coloured {
+            cloud.colour.extend(scan.colour);
+        }
+        intensity.extend(scan.intensity);
+        invalid += scan.invalid;
+    }
+    if placed {
+        cloud.stations = stations.into_iter().flatten().collect();
+    }
+    if cloud.colour.is_empty() {
+        grey(&intensity, &mut cloud);
+    }
+    if invalid > 0 {
+        cloud.notes.push(format!("{invalid} points dropped: the file says that they are not valid"));
+    }
+    Ok(cloud)
+}

@@ -1,0 +1,280 @@
+//! LAS, versions 1.0 to 1.4 (ASPRS), and its packed form LAZ, of which COPC is an order of chunks.
+//!
+//! The crate `las` knows the layouts of headers and points. What a header claims is held against the size of the file
+//! before anything is made of it.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use glam::{DVec3, Vec3};
+pub(super) use las::PointData as PointBlock;
+use las::raw;
+use las::{PointDataBuilder, Transform, Vector};
+use rayon::prelude::*;
+
+use super::laz::{Chunk, Chunks};
+use super::{Thinning, check_count, grey};
+use crate::model::cloud::{Cloud, ColourStorage};
+use crate::model::error::ParseError;
+use crate::model::options::PointOptions;
+
+/// Points that are decoded at a time.
+const BLOCK: usize = 1 << 16;
+/// Blocks or chunks that wait to be put in order.
+const WAITING: usize = 32;
+/// Byte at which a header says how many points there are: in all versions, and in version 1.4 and later.
+const COUNT_AT: [usize; 2] = [107, 247];
+/// Byte at which a header names the format of its points.
+const FORMAT_AT: usize = 104;
+/// Byte at which a header says where points begin.
+const DATA_AT: usize = 96;
+/// Byte at which the three scales are.
+const SCALE_AT: usize = 131;
+/// Bytes of a record of variable length without its data.
+const RECORD_HEAD: usize = 54;
+/// The classes of ASPRS LAS 1.4 that people filter by; the others are numbers.
+const CLASS_NAMES: [(u8, &str); 10] = [
+    (1, "unclassified"),
+    (2, "ground"),
+    (3, "low vegetation"),
+    (4, "medium vegetation"),
+    (5, "high vegetation"),
+    (6, "building"),
+    (7, "noise"),
+    (9, "water"),
+    (17, "bridge"),
+    (18, "high noise"),
+];
+
+/// What a header says, checked.
+pub(super) struct Header {
+    pub(super) raw: raw::Header,
+    pub(super) format: las::point::Format,
+    /// Number of points.
+    pub(super) points: u64,
+    /// Byte at which that number stands.
+    count_at: usize,
+}
+
+impl Header {
+    /// Reads the header at the beginning of `bytes`, which may be more.
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, ParseError> {
+        let cut = |_| ParseError::byte(bytes.len(), "the end of the file", "the rest of the header of LAS");
+        let raw = raw::Header::read_from(Cursor::new(bytes)).map_err(cut)?;
+        let wrong = |at, found: String, expected: &str| Err(ParseError::byte(at, found, expected));
+        if (raw.version.major, raw.version.minor) > (1, 4) || raw.version.major == 0 {
+            let found = format!("LAS {}.{}", raw.version.major, raw.version.minor);
+            return wrong(24, found, "a version from 1.0 to 1.4");
+        }
+        let number = raw.point_data_record_format & 0b0011_1111;
+        if number > 10 {
+            return wrong(FORMAT_AT, format!("points of format {number}"), "a format from 0 to 10");
+        }
+        let wide = |e: las::Error| ParseError::byte(FORMAT_AT, e.to_string(), "a format of points from 0 to 10");
+        let mut format = las::point::Format::new(raw.point_data_record_format).map_err(wide)?;
+        let (length, least) = (raw.point_data_record_length, format.len());
+        if length < least {
+            let found = format!("points of {length} bytes");
+            return wrong(FORMAT_AT + 1, found, &format!("{least} bytes or more in format {number}"));
+        }
+        format.extra_bytes = length - least;
+        for (axis, scale) in [raw.x_scale_factor, raw.y_scale_factor, raw.z_scale_factor].into_iter().enumerate() {
+            if !scale.is_normal() {
+                return wrong(SCALE_AT + 8 * axis, format!("a scale of {scale}"), "a number other than 0");
+            }
+        }
+        let large = raw.large_file.map_or(0, |large| large.number_of_point_records);
+        let old = u64::from(raw.number_of_point_records);
+        let (points, count_at) = if large > 0 { (large, COUNT_AT[1]) } else { (old, COUNT_AT[0]) };
+        Ok(Self { raw, format, points, count_at })
+    }
+
+    /// Places of points from the whole numbers that stand for them.
+    fn transforms(&self) -> Vector<Transform> {
+        let raw = &self.raw;
+        let of = |scale, offset| Transform { scale, offset };
+        Vector {
+            x: of(raw.x_scale_factor, raw.x_offset),
+            y: of(raw.y_scale_factor, raw.y_offset),
+            z: of(raw.z_scale_factor, raw.z_offset),
+        }
+    }
+
+    /// The points of `bytes`, as records of the file.
+    fn data(&self, bytes: Vec<u8>) -> Result<PointBlock, ParseError> {
+        let builder = PointDataBuilder::new().with_format(self.format).with_transforms(self.transforms());
+        let odd = |e: las::Error| ParseError::byte(FORMAT_AT, e.to_string(), "whole points");
+        builder.build_from_bytes(bytes).map_err(odd)
+    }
+
+    /// Room for `points` points that are unpacked; their bytes are 0.
+    pub(super) fn room(&self, points: usize) -> Result<PointBlock, ParseError> {
+        let mut data = self.data(Vec::new())?;
+        data.resize_for(points);
+        Ok(data)
+    }
+
+    /// Byte at which the points begin.
+    pub(super) fn begin(&self) -> usize {
+        self.raw.offset_to_point_data as usize
+    }
+
+    /// Size of a point that is not packed, bytes.
+    pub(super) fn size_of_point(&self) -> usize {
+        usize::from(self.format.len())
+    }
+
+    /// The records of variable length between the header and the points: who made each, its number and its data.
+    /// They end where the file does.
+    pub(super) fn records<'a>(&self, bytes: &'a [u8]) -> Vec<(String, u16, &'a [u8])> {
+        let mut records = Vec::new();
+        let mut at = usize::from(self.raw.header_size);
+        for _ in 0..self.raw.number_of_variable_length_records {
+            let Some((head, rest)) = bytes.get(at..).and_then(|rest| rest.split_at_checked(RECORD_HEAD)) else { break };
+            let number = |at: usize| u16::from_le_bytes([head[at], head[at + 1]]);
+            let length = usize::from(number(20));
+            let Some(data) = rest.get(..length) else { break };
+            let user = String::from_utf8_lossy(&head[2..18]).trim_end_matches('\0').to_owned();
+            records.push((user, number(18), data));
+            at += RECORD_HEAD + length;
+        }
+        records
+    }
+}
+
+/// Points as the file has them, without those that are not wanted.
+#[derive(Default)]
+struct Gathered {
+    position: Vec<DVec3>,
+    /// Empty where the format has none.
+    colour: Vec<[u16; 3]>,
+    intensity: Vec<u16>,
+    class: Vec<u8>,
+    withheld: u64,
+}
+
+impl Gathered {
+    /// The points of some records that are of a wanted class, and not withheld.
+    fn of(data: &PointBlock, options: &PointOptions) -> Self {
+        let mut gathered = Self::default();
+        let extended = data.format().is_extended;
+        let places = data.x().zip(data.y()).zip(data.z());
+        let mut colours = data.rgb();
+        let flags = data.raw_bytes().chunks_exact(data.record_len().max(1));
+        for ((((x, y), z), (class, intensity)), record) in
+            places.zip(data.classification().zip(data.intensity())).zip(flags)
+        {
+            let colour = colours.as_mut().and_then(Iterator::next);
+            // Bit 2 of the flags, which older formats have above the class.
+            let withheld = if extended { record[15] & 0b100 != 0 } else { record[15] & 0b1000_0000 != 0 };
+            gathered.withheld += u64::from(withheld);
+            let wanted = options.classes.is_empty() || options.classes.contains(&class);
+            if withheld || !wanted {
+                continue;
+            }
+            gathered.position.push(DVec3::new(x, y, z));
+            gathered.colour.extend(colour.map(|(r, g, b)| [r, g, b]));
+            gathered.intensity.push(intensity);
+            gathered.class.push(class);
+        }
+        gathered
+    }
+
+    /// Adds those of `other` that are taken.
+    fn add(&mut self, other: Self, thinning: &mut Thinning) {
+        self.withheld += other.withheld;
+        for (i, position) in other.position.into_iter().enumerate() {
+            if thinning.takes() {
+                self.position.push(position);
+                self.colour.extend(other.colour.get(i));
+                self.intensity.push(other.intensity[i]);
+                self.class.push(other.class[i]);
+            }
+        }
+    }
+
+    fn into_cloud(self, options: &PointOptions) -> Cloud {
+        let mut cloud = Cloud { position: self.position, ..Cloud::default() };
+        let brightest = self.colour.iter().flatten().copied().max().unwrap_or(0);
+        if brightest > 0 {
+            // Colours have 16 bits; many programs write 8 of them, and then all are small.
+            let white: u16 = if brightest > 255 { u16::MAX } else { 255 };
+            let channel = |c: u16| f32::from(c) / f32::from(white);
+            cloud.colour = self.colour.iter().map(|c| Vec3::from(c.map(channel))).collect();
+            cloud.colour_storage = ColourStorage::Integer;
+            cloud.notes.push(format!("colours from 0 to {white}"));
+        } else {
+            let intensity: Vec<f32> = self.intensity.iter().copied().map(f32::from).collect();
+            grey(&intensity, &mut cloud);
+        }
+        if self.withheld > 0 {
+            cloud.notes.push(format!("{} points dropped: the file withholds them", self.withheld));
+        }
+        let mut counts: BTreeMap<u8, u64> = BTreeMap::new();
+        self.class.iter().for_each(|class| *counts.entry(*class).or_default() += 1);
+        if counts.keys().any(|class| *class > 1) || !options.classes.is_empty() {
+            let shown: Vec<String> = counts.iter().map(|(class, count)| format!("{} {count}", named(*class))).collect();
+            cloud.notes.push(format!("points of each class: {}", shown.join(", ")));
+        }
+        cloud
+    }
+}
+
+/// A class with its name.
+fn named(class: u8) -> String {
+    match CLASS_NAMES.iter().find(|(number, _)| *number == class) {
+        Some((_, name)) => format!("{class} ({name})"),
+        None => class.to_string(),
+    }
+}
+
+/// Reads the points of LAS, LAZ and COPC, without those that the file withholds.
+///
+/// # Errors
+/// The bytes are not a valid file, or the header claims points that are not there.
+pub(in crate::model) fn parse(
+    bytes: &[u8],
+    options: &PointOptions,
+    progress: &dyn Fn(f32),
+) -> Result<Cloud, ParseError> {
+    let header = Header::read(bytes)?;
+    check_count(header.points, bytes.len(), header.count_at)?;
+    let begin = header.begin();
+    let Some(data) = bytes.get(begin..) else {
+        let expected = format!("a place within the {} bytes of the file", bytes.len());
+        return Err(ParseError::byte(DATA_AT, format!("points from byte {begin}"), expected));
+    };
+    let mut gathered = Gathered::default();
+    let mut thinning = Thinning::new(options);
+    let mut done = 0;
+    let mut add = |blocks: Vec<Gathered>, points: u64| {
+        blocks.into_iter().for_each(|block| gathered.add(block, &mut thinning));
+        done += points;
+        progress(done as f32 / header.points.max(1) as f32);
+    };
+    if header.format.is_compressed {
+        let chunks = Chunks::of(&header, bytes)?;
+        for some in chunks.list.chunks(WAITING) {
+            let of = |chunk: &Chunk<'_>| {
+                let mut blocks = Vec::new();
+                chunks.unpack(chunk, &header, &mut |block| blocks.push(Gathered::of(block, options)))?;
+                Ok(blocks)
+            };
+            let blocks: Result<Vec<_>, ParseError> = some.par_iter().map(of).collect();
+            add(blocks?.into_iter().flatten().collect(), some.iter().map(|chunk| chunk.points).sum());
+        }
+    } else {
+        let record = header.size_of_point();
+        let there = data.len() / record;
+        let claimed = usize::try_from(header.points).ok().filter(|points| *points <= there).ok_or_else(|| {
+            let found = format!("{} points of {record} bytes from byte {begin}", header.points);
+            ParseError::byte(header.count_at, found, format!("at most {there}, which the file has room for"))
+        })?;
+        for some in data[..claimed * record].chunks(WAITING * BLOCK * record) {
+            let of = |block: &[u8]| Ok(Gathered::of(&header.data(block.to_vec())?, options));
+            let blocks: Result<Vec<_>, ParseError> = some.par_chunks(BLOCK * record).map(of).collect();
+            add(blocks?, (some.len() / record) as u64);
+        }
+    }
+    Ok(gathered.into_cloud(options))
+}
