@@ -5,16 +5,25 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rstar::primitives::GeomWithData;
 use rstar::{RStarInsertionStrategy, RTree, RTreeParams};
 
 use super::options::LoadProgress;
 use super::order::morton_codes;
+use crate::math::Bounds;
 
 /// Points whose neighbours one task finds.
 const CHUNK: usize = 4096;
+/// Points that are next to each other in the order and whose neighbours are sought together.
+const GROUP: usize = 32;
+/// How much farther away than the farthest neighbour in the group before those of a group are sought.
+const WIDER: f64 = 1.2;
+/// Most points around a group: with more, the guess was bad, and a search for each point takes less.
+const MOST_NEAR: usize = 2048;
+/// Factor on a distance that no rounding makes too short.
+const ROUNDED_UP: f64 = 1.0 + 1e-9;
 
 /// A cloud with equal positions merged.
 #[derive(Debug)]
@@ -86,9 +95,69 @@ impl Tree {
                 found.push((square, point.data));
             }
         }
-        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        sort(found, count);
+    }
+
+    /// Fills `near` with all points within a distance of a place. False if there are far too many.
+    fn around(&self, place: DVec3, distance: f64, near: &mut Near) -> bool {
+        near.clear();
+        for point in self.0.locate_within_distance(place.to_array(), distance * distance) {
+            let [x, y, z] = *point.geom();
+            near.x.push(x);
+            near.y.push(y);
+            near.z.push(z);
+            near.index.push(point.data);
+            if near.index.len() > MOST_NEAR {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// Points near each other, in columns.
+#[derive(Default)]
+struct Near {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+    index: Vec<u32>,
+    /// Squared distances of all to one place.
+    square: Vec<f64>,
+}
+
+impl Near {
+    fn clear(&mut self) {
+        self.x.clear();
+        self.y.clear();
+        self.z.clear();
+        self.index.clear();
+    }
+
+    /// As [`Tree::nearest`] among these points, those that are farther away than `most` left out.
+    fn nearest(&mut self, p: Vec3, except: u32, count: usize, most: f64, found: &mut Vec<(f64, u32)>) {
+        let place = p.as_dvec3();
+        self.square.clear();
+        let columns = self.x.iter().zip(&self.y).zip(&self.z);
+        self.square.extend(columns.map(|((x, y), z)| {
+            let [dx, dy, dz] = [x - place.x, y - place.y, z - place.z];
+            dx * dx + dy * dy + dz * dz
+        }));
+        found.clear();
+        let squares = self.square.iter().zip(&self.index);
+        found.extend(squares.filter(|(square, i)| **square <= most && **i != except).map(|(square, i)| (*square, *i)));
+        sort(found, count);
+    }
+}
+
+/// Keeps the `count` nearest, the nearest first.
+fn sort(found: &mut Vec<(f64, u32)>, count: usize) {
+    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    if found.len() > count && count > 0 {
+        found.select_nth_unstable_by(count - 1, order);
         found.truncate(count);
     }
+    found.sort_unstable_by(order);
 }
 
 /// The nearest neighbours of every point, the same number for each.
@@ -110,10 +179,31 @@ impl Neighbours {
         let mut index = vec![0; points.len() * row];
         let done = AtomicUsize::new(0);
         index.par_chunks_mut(CHUNK * row).enumerate().for_each(|(chunk, rows)| {
-            let mut found = Vec::with_capacity(row + 1);
-            for (i, row_of_i) in (chunk * CHUNK..).zip(rows.chunks_exact_mut(row)) {
-                tree.nearest(points[i], i as u32, row, &mut found);
-                row_of_i.iter_mut().zip(&found).for_each(|(to, &(_, from))| *to = from);
+            let (mut found, mut near) = (Vec::with_capacity(row + 1), Near::default());
+            // Points are in an order in which the next ones are near, and have their neighbours about as far away.
+            let mut guess = 0.0;
+            for (group, rows) in rows.chunks_mut(GROUP * row).enumerate() {
+                let first = chunk * CHUNK + group * GROUP;
+                let group = &points[first..first + rows.len() / row];
+                let reach = WIDER * guess;
+                let known = guess > 0.0 && {
+                    let bounds: Bounds = group.iter().map(|p| p.as_dvec3()).collect();
+                    let radius = group.iter().map(|p| p.as_dvec3().distance(bounds.centre())).fold(0.0, f64::max);
+                    // Rounding loses no point.
+                    tree.around(bounds.centre(), (radius + reach) * ROUNDED_UP, &mut near)
+                };
+                let mut farthest = 0.0_f64;
+                for ((i, p), row_of_i) in (first..).zip(group).zip(rows.chunks_exact_mut(row)) {
+                    if known {
+                        near.nearest(*p, i as u32, row, reach * reach, &mut found);
+                    }
+                    if !known || found.len() < row {
+                        tree.nearest(*p, i as u32, row, &mut found);
+                    }
+                    row_of_i.iter_mut().zip(&found).for_each(|(to, &(_, from))| *to = from);
+                    farthest = found.last().map_or(0.0, |last| last.0.sqrt()).max(farthest);
+                }
+                guess = farthest;
             }
             let share = done.fetch_add(rows.len(), Ordering::Relaxed) + rows.len();
             progress("finding neighbours", share as f32 / (points.len() * row) as f32);
