@@ -50,6 +50,9 @@ pub(super) struct Convert {
     /// LAS: take these classes alone, as 2,6.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     classes: Vec<u8>,
+    /// Cloud of points: leave stray points out, those far from all others and those in the air.
+    #[arg(long)]
+    clean: bool,
     /// Cloud of points: where the scanner stood, in the coordinates of the file; estimated normals face it.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = values::place)]
     scanner_position: Option<DVec3>,
@@ -83,6 +86,7 @@ impl Convert {
         let points = model::PointOptions {
             every: self.every,
             classes: classes.into_iter().collect(),
+            clean: self.clean,
             scanner: self.scanner_position,
         };
         let options = model::LoadOptions { kind, radius_scale, colour_space, points, ..model::LoadOptions::default() };

@@ -10,7 +10,7 @@ use super::normals::Seen;
 use super::options::{ColourSpace, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
-use super::{normals, radii};
+use super::{normals, radii, strays};
 use crate::math::{Bounds, srgb};
 
 /// Smallest length, model units. Its square does not underflow in `f32`.
@@ -41,8 +41,10 @@ pub fn complete(
     if cloud.position.is_empty() {
         return Err(ModelError::NoPoints);
     }
-    let origin = box_of(&cloud.position).centre();
-    let position: Vec<Vec3> = cloud.position.par_iter().map(|p| (p - origin).as_vec3()).collect();
+    if options.points.clean {
+        clean(&mut cloud, progress, &mut notes);
+    }
+    let (origin, position) = recentred(&cloud.position);
     cloud.position = Vec::new();
 
     let stations: Vec<Vec3> = cloud.stations.iter().map(|place| (*place - origin).as_vec3()).collect();
@@ -135,6 +137,27 @@ fn drop_unusable(cloud: &mut Cloud, notes: &mut Vec<String>) {
         cloud.position.keep(&kept);
         for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
     }
+}
+
+/// The centre of the box of some points, and their places relative to it.
+fn recentred(position: &[DVec3]) -> (DVec3, Vec<Vec3>) {
+    let origin = box_of(position).centre();
+    (origin, position.par_iter().map(|p| (p - origin).as_vec3()).collect())
+}
+
+/// Leaves stray points out.
+fn clean(cloud: &mut Cloud, progress: LoadProgress<'_>, notes: &mut Vec<String>) {
+    let (_, position) = recentred(&cloud.position);
+    let distinct = Distinct::new(&position);
+    let neighbours = Neighbours::new(&distinct.position, normals::NEAREST, progress);
+    let spacing = radii::spacing(&distinct.position, &neighbours);
+    let Some(strays) = strays::find(&distinct.position, &neighbours, &spacing) else { return };
+    let kept: Vec<bool> = distinct.of.iter().map(|i| !(strays.fog[*i as usize] || strays.lone[*i as usize])).collect();
+    let dropped = kept.iter().filter(|kept| !**kept).count();
+    let share = 100.0 * dropped as f64 / kept.len() as f64;
+    notes.push(format!("{dropped} stray points left out ({share:.2} %)"));
+    cloud.position.keep(&kept);
+    for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
 }
 
 fn box_of(position: &[DVec3]) -> Bounds {
@@ -260,6 +283,12 @@ fn estimate(
         let estimated = radii::estimate(radius, &distinct, &neighbours);
         let near = least(radii::NEAREST);
         notes.push(format!("radii of {} {points} points estimated from {near} neighbours", share(estimated.count)));
+        if estimated.fog > 0 {
+            notes.push(format!(
+                "{} points are in the air, and are drawn as small as most (`clean` leaves them out)",
+                estimated.fog
+            ));
+        }
         if estimated.lone > 0 {
             notes.push(format!("radii of {} lone points limited to those around them", estimated.lone));
         }

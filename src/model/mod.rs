@@ -46,6 +46,7 @@ mod sfl_codes;
 mod sfl_container;
 mod sides;
 mod store;
+mod strays;
 mod surfels;
 mod tidy;
 mod tolerance;

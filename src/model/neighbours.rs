@@ -211,6 +211,11 @@ impl Neighbours {
         Self { row, index }
     }
 
+    /// Neighbours of each point.
+    pub(super) fn count(&self) -> usize {
+        self.row
+    }
+
     /// Neighbours of point `i`, nearest first.
     pub(super) fn of(&self, i: usize) -> &[u32] {
         &self.index[i * self.row..(i + 1) * self.row]

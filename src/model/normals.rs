@@ -114,18 +114,7 @@ pub(super) fn estimate(
 
 /// Unit direction of the least variance of a point and its neighbours.
 fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
-    let centre = position[i].as_dvec3();
-    let offset = |&j: &u32| position[j as usize].as_dvec3() - centre;
-    let mean = near.iter().map(offset).sum::<DVec3>() / (near.len() + 1) as f64;
-    // The point itself has the offset zero. The neighbourhood is scaled to size 1, so that squares neither overflow nor
-    // underflow.
-    let size = near.iter().map(|j| offset(j).abs().max_element()).fold(0.0, f64::max);
-    if size == 0.0 {
-        return Vec3::Z;
-    }
-    let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-    let covariance = near.iter().fold(outer(mean / size), |sum, j| sum + outer((offset(j) - mean) / size));
-    let (variance, direction) = eigen(covariance);
+    let Some((variance, direction)) = shape(position, i, near) else { return Vec3::Z };
     let along = direction[2];
     let normal = if variance[1] <= LINE * variance[2] {
         let reject = |from: DVec3| from - along * along.dot(from);
@@ -135,6 +124,28 @@ fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
         direction[0]
     };
     normal.normalize_or(DVec3::Z).as_vec3()
+}
+
+/// Share of the least variance of a point and its neighbours in all of their variance: 0 for a plane, at most 1/3.
+pub(super) fn flatness(position: &[Vec3], i: usize, near: &[u32]) -> f64 {
+    shape(position, i, near).map_or(0.0, |(variance, _)| variance[0] / (variance[0] + variance[1] + variance[2]))
+}
+
+/// Variances of a point and its neighbours along their principal axes, ascending, and these axes; `None` if all are in
+/// one place.
+fn shape(position: &[Vec3], i: usize, near: &[u32]) -> Option<([f64; 3], [DVec3; 3])> {
+    let centre = position[i].as_dvec3();
+    let offset = |&j: &u32| position[j as usize].as_dvec3() - centre;
+    let mean = near.iter().map(offset).sum::<DVec3>() / (near.len() + 1) as f64;
+    // The point itself has the offset zero. The neighbourhood is scaled to size 1, so that squares neither overflow nor
+    // underflow.
+    let size = near.iter().map(|j| offset(j).abs().max_element()).fold(0.0, f64::max);
+    if size == 0.0 {
+        return None;
+    }
+    let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+    let covariance = near.iter().fold(outer(mean / size), |sum, j| sum + outer((offset(j) - mean) / size));
+    Some(eigen(covariance))
 }
 
 /// Eigenvalues, ascending, and unit eigenvectors of a symmetric matrix by cyclic Jacobi rotations (Golub and Van Loan,

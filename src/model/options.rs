@@ -62,13 +62,15 @@ pub struct PointOptions {
     pub every: u32,
     /// The classes of LAS that are taken, each once, rising; empty: all.
     pub classes: Vec<u8>,
+    /// Stray points are left out: those far from all others, and those in the air.
+    pub clean: bool,
     /// Where the scanner stood that saw all points, in the coordinates of the file: estimated normals face it.
     pub scanner: Option<DVec3>,
 }
 
 impl Default for PointOptions {
     fn default() -> Self {
-        Self { every: 1, classes: Vec::new(), scanner: None }
+        Self { every: 1, classes: Vec::new(), clean: false, scanner: None }
     }
 }
 

@@ -4,6 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::neighbours::{Distinct, Neighbours};
+use super::strays;
 
 /// Neighbours that a radius is estimated from.
 pub(super) const NEAREST: usize = 6;
@@ -35,6 +36,16 @@ pub(super) struct Estimated {
     pub(super) count: usize,
     /// Number of radii that were limited to a few local medians.
     pub(super) lone: usize,
+    /// Number of radii of points in the air that were limited to the median of the cloud.
+    pub(super) fog: usize,
+}
+
+/// Distances of a point to its nearest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spacing {
+    pub(super) mean: f64,
+    /// The lower median.
+    median: f64,
 }
 
 /// Replaces the radii that are 0 by the mean distance to the six nearest distinct points times [`FACTOR`].
@@ -49,6 +60,7 @@ pub(super) fn estimate(radius: &mut [f32], cloud: &Distinct, neighbours: &Neighb
         return same_place(radius);
     }
     let spacing = spacing(&cloud.position, neighbours);
+    let strays = strays::find(&cloud.position, neighbours, &spacing);
     radius
         .par_iter_mut()
         .zip(&cloud.of)
@@ -56,9 +68,17 @@ pub(super) fn estimate(radius: &mut [f32], cloud: &Distinct, neighbours: &Neighb
         .map(|(r, &i)| {
             let (estimate, is_lone) = limited(&spacing, neighbours, i as usize);
             *r = estimate;
-            Estimated { count: 1, lone: usize::from(is_lone) }
+            let fog = strays.as_ref().filter(|strays| strays.fog[i as usize]);
+            if let Some(strays) = fog {
+                *r = r.min((FACTOR * strays.median) as f32);
+            }
+            Estimated { count: 1, lone: usize::from(is_lone && fog.is_none()), fog: usize::from(fog.is_some()) }
         })
-        .reduce(Estimated::default, |a, b| Estimated { count: a.count + b.count, lone: a.lone + b.lone })
+        .reduce(Estimated::default, |a, b| Estimated {
+            count: a.count + b.count,
+            lone: a.lone + b.lone,
+            fog: a.fog + b.fog,
+        })
 }
 
 /// The radii that [`estimate`] gives to distinct points, at least two.
@@ -67,17 +87,17 @@ pub(super) fn of_distinct(position: &[Vec3], neighbours: &Neighbours) -> Vec<f32
     (0..position.len()).into_par_iter().map(|i| limited(&spacing, neighbours, i).0).collect()
 }
 
-/// Mean and lower median of each point's distances to its nearest.
-fn spacing(position: &[Vec3], neighbours: &Neighbours) -> Vec<(f64, f64)> {
+/// Those of all points.
+pub(super) fn spacing(position: &[Vec3], neighbours: &Neighbours) -> Vec<Spacing> {
     (0..position.len()).into_par_iter().map(|i| mean_and_median(position, neighbours, i)).collect()
 }
 
 /// Radius of distinct point `i`, and whether it was limited.
-fn limited(spacing: &[(f64, f64)], neighbours: &Neighbours, i: usize) -> (f32, bool) {
-    let (mean, own_median) = spacing[i];
+fn limited(spacing: &[Spacing], neighbours: &Neighbours, i: usize) -> (f32, bool) {
+    let Spacing { mean, median: own_median } = spacing[i];
     let mut around = [0.0; NEAREST];
     let near = nearest(neighbours, i);
-    around.iter_mut().zip(near).for_each(|(to, &j)| *to = spacing[j as usize].0);
+    around.iter_mut().zip(near).for_each(|(to, &j)| *to = spacing[j as usize].mean);
     let limit = LONE * own_median.min(lower_median(&mut around[..near.len()]));
     ((FACTOR * mean.min(limit)) as f32, mean > limit)
 }
@@ -88,13 +108,13 @@ fn nearest(neighbours: &Neighbours, i: usize) -> &[u32] {
 }
 
 /// Mean and lower median of the distances from a distinct point to its six nearest.
-fn mean_and_median(position: &[Vec3], neighbours: &Neighbours, i: usize) -> (f64, f64) {
+fn mean_and_median(position: &[Vec3], neighbours: &Neighbours, i: usize) -> Spacing {
     let near = nearest(neighbours, i);
     let p = position[i].as_dvec3();
     let mut distances = [0.0; NEAREST];
     distances.iter_mut().zip(near).for_each(|(d, &j)| *d = p.distance(position[j as usize].as_dvec3()));
     let distances = &mut distances[..near.len()];
-    (distances.iter().sum::<f64>() / near.len() as f64, lower_median(distances))
+    Spacing { mean: distances.iter().sum::<f64>() / near.len() as f64, median: lower_median(distances) }
 }
 
 /// The middle value; of an even number of values the lower of the two.
@@ -110,7 +130,7 @@ fn same_place(radius: &mut [f32]) -> Estimated {
     let fill = given.get(given.len() / 2).copied().unwrap_or(SINGLE);
     let count = radius.len() - given.len();
     radius.iter_mut().filter(|r| **r == 0.0).for_each(|r| *r = fill);
-    Estimated { count, lone: 0 }
+    Estimated { count, lone: 0, fog: 0 }
 }
 
 #[cfg(test)]
@@ -136,7 +156,7 @@ mod tests {
     fn hexagonal_spacing_is_the_radius() {
         let points = hexagonal(9);
         let mut radius = vec![0.0; 81];
-        assert_eq!(estimated(&points, &mut radius), Estimated { count: 81, lone: 0 });
+        assert_eq!(estimated(&points, &mut radius), Estimated { count: 81, lone: 0, fog: 0 });
         assert!((f64::from(radius[40]) - FACTOR).abs() < 1e-5, "{}", radius[40]);
     }
 
@@ -155,7 +175,7 @@ mod tests {
         let points = hexagonal(9);
         let mut radius = vec![7.0; 81];
         radius[40] = 0.0;
-        assert_eq!(estimated(&points, &mut radius), Estimated { count: 1, lone: 0 });
+        assert_eq!(estimated(&points, &mut radius), Estimated { count: 1, lone: 0, fog: 0 });
         assert!((f64::from(radius[40]) - FACTOR).abs() < 1e-5);
         assert!(radius.iter().enumerate().all(|(i, &r)| i == 40 || r == 7.0));
     }

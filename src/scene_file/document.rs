@@ -395,7 +395,12 @@ fn points(model: &Part<'_>) -> Result<PointOptions, SceneError> {
         Some(text) => classes(&text)
             .ok_or_else(|| model.bad("classes", &quoted(&text), "whole numbers from 0 to 255, as 2,6".to_owned()))?,
     };
-    Ok(PointOptions { every, classes, scanner: model.optional_vector("scannerPosition")? })
+    Ok(PointOptions {
+        every,
+        classes,
+        clean: model.boolean("clean")?,
+        scanner: model.optional_vector("scannerPosition")?,
+    })
 }
 
 /// Numbers of classes, rising, each once.

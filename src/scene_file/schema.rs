@@ -461,6 +461,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             row("every", ValueKind::Integer(1, MOST_NUMBER), Value("1"), "every n-th point of a cloud is taken"),
             row("classes", ValueKind::Text, Auto("all"), "classes of LAS that are taken, as 2,6"),
+            row("clean", ValueKind::Boolean, Value("false"), "true: stray points of a cloud are left out"),
             row(
                 "scannerPosition",
                 ValueKind::Vector(COORDINATE),

@@ -267,13 +267,16 @@ impl Xml {
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
         attributes.extend(node.clone().map(|node| ("node", node)));
-        let PointOptions { every, classes, scanner } = points;
+        let PointOptions { every, classes, clean, scanner } = points;
         if *every > 1 {
             attributes.push(("every", every.to_string()));
         }
         if !classes.is_empty() {
             let words: Vec<String> = classes.iter().map(u8::to_string).collect();
             attributes.push(("classes", words.join(",")));
+        }
+        if *clean {
+            attributes.push(("clean", "true".to_owned()));
         }
         attributes.extend(scanner.map(|place| ("scannerPosition", vector(place))));
         if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.shape.drawing(object.opacity) {

@@ -117,7 +117,7 @@ fn places(model: &LoadedModel) -> Vec<DVec3> {
 fn classes_and_every_nth_point_are_chosen() {
     let points = points();
     for name in ["1.las", "7.laz", "copc.laz"] {
-        let options = PointOptions { every: 3, classes: vec![2, 6], scanner: None };
+        let options = PointOptions { every: 3, classes: vec![2, 6], ..PointOptions::default() };
         let found = places(&loaded(&data(name), options));
         let wanted = points.iter().filter(|point| [2, 6].contains(&point.class)).step_by(3);
         let wanted: Vec<DVec3> = wanted.map(|point| point.place).collect();
