@@ -53,7 +53,7 @@ class Model(ForkedLazily):
         """Reads a model file: points, a mesh, a capture or a volume, in any format that the program reads.
 
         Args:
-            path: The file: PLY, .sfl, .obj, .xyz, .pts, .bin, glTF, .splat, .spz, .sog, .nrrd.
+            path: The file: PLY, .sfl, .obj, .xyz, .pts, .las, .laz, .e57, .bin, glTF, .splat, .spz, .sog, .nrrd.
             kind: Makes `surfels` of a capture, or insists on `gaussians`. `None`: what the file is.
 
         Raises:

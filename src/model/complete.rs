@@ -10,7 +10,7 @@ use super::normals::Seen;
 use super::options::{ColourSpace, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
-use super::{normals, radii, strays};
+use super::{normals, radii, spacing, strays};
 use crate::math::{Bounds, srgb};
 
 /// Smallest length, model units. Its square does not underflow in `f32`.
@@ -149,8 +149,8 @@ fn recentred(position: &[DVec3]) -> (DVec3, Vec<Vec3>) {
 fn clean(cloud: &mut Cloud, progress: LoadProgress<'_>, notes: &mut Vec<String>) {
     let (_, position) = recentred(&cloud.position);
     let distinct = Distinct::new(&position);
-    let neighbours = Neighbours::new(&distinct.position, normals::NEAREST, progress);
-    let spacing = radii::spacing(&distinct.position, &neighbours);
+    let neighbours = Neighbours::new(&distinct.position, strays::NEAREST, progress);
+    let spacing = spacing::spacing(&distinct.position, &neighbours);
     let Some(strays) = strays::find(&distinct.position, &neighbours, &spacing) else { return };
     let kept: Vec<bool> = distinct.of.iter().map(|i| !(strays.fog[*i as usize] || strays.lone[*i as usize])).collect();
     let dropped = kept.iter().filter(|kept| !**kept).count();
@@ -260,7 +260,7 @@ fn estimate(
     let share = |count: usize| if count == points { "all".to_owned() } else { format!("{count} of") };
     let distinct = Distinct::new(position);
     let mut signs = None;
-    let count = if normals_missing { normals::NEAREST } else { radii::NEAREST };
+    let count = if normals_missing { normals::NEAREST } else { spacing::NEAREST };
     let neighbours = Neighbours::new(&distinct.position, count, progress);
     let least = |count: usize| count.min(distinct.position.len() - 1);
     if normals_missing {
@@ -281,7 +281,7 @@ fn estimate(
     }
     if radii_missing {
         let estimated = radii::estimate(radius, &distinct, &neighbours);
-        let near = least(radii::NEAREST);
+        let near = least(spacing::NEAREST);
         notes.push(format!("radii of {} {points} points estimated from {near} neighbours", share(estimated.count)));
         if estimated.fog > 0 {
             notes.push(format!(

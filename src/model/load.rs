@@ -165,7 +165,7 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
     let (content, size) = match files::steady(|| contents(path, options, progress))? {
         Contents::Mesh(mesh) if options.mesh.spacing != Spacing::None => return Ok(ReadFile::Mesh(mesh)),
         Contents::Mesh(mesh) => return vertices(mesh, options, path, progress).map(ready),
-        Contents::Other(content, size) => (content, size),
+        Contents::Other(content, size) => (*content, size),
     };
     let owned = || path.to_owned();
     let parsed = match (content, options.kind) {
@@ -215,7 +215,7 @@ enum Contents {
     /// With its materials.
     Mesh(Mesh),
     /// And the size of the file, bytes.
-    Other(ModelContent, u64),
+    Other(Box<ModelContent>, u64),
 }
 
 /// Reads the bytes of a model file, and those of the files that it names, and nothing more: what comes after need not
@@ -226,17 +226,16 @@ fn contents(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> R
     let mut clouds = Vec::with_capacity(files.len());
     for (number, file) in files.iter().enumerate() {
         let part = |what: &str, share: f32| progress(what, (number as f32 + share) / files.len() as f32);
-        match contents_of(file, options, &part)? {
-            Contents::Other(ModelContent::Cloud(cloud), bytes) => {
-                clouds.push(cloud);
-                size += bytes;
-            }
-            Contents::Mesh(_) | Contents::Other(..) => return Err(ModelError::NoCloud { path: file.clone() }),
-        }
+        let Contents::Other(content, bytes) = contents_of(file, options, &part)? else {
+            return Err(ModelError::NoCloud { path: file.clone() });
+        };
+        let ModelContent::Cloud(cloud) = *content else { return Err(ModelError::NoCloud { path: file.clone() }) };
+        clouds.push(cloud);
+        size += bytes;
     }
     let mut all = several::joined(clouds);
     all.notes.insert(0, format!("{} files", files.len()));
-    Ok(Contents::Other(ModelContent::Cloud(all), size))
+    Ok(Contents::Other(Box::new(ModelContent::Cloud(all)), size))
 }
 
 /// As [`contents`], of one file.
@@ -260,7 +259,7 @@ fn contents_of(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -
             Fault::Format(why) => invalid(why),
             Fault::Io(why) => of_input(why.into()),
         })?;
-        return Ok(Contents::Other(ModelContent::Surfels(surfels), size));
+        return Ok(Contents::Other(Box::new(ModelContent::Surfels(surfels)), size));
     }
     let bytes = input.whole(u64::MAX).map_err(of_input)?;
     let format =
@@ -278,7 +277,7 @@ fn contents_of(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -
     }
     let told = |share| progress("reading", share);
     let content = read(&bytes, format, sampled, &options.points, &told).map_err(invalid)?;
-    Ok(Contents::Other(content, size))
+    Ok(Contents::Other(Box::new(content), size))
 }
 
 /// The surfels of points, with what they lack.

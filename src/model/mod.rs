@@ -1,10 +1,10 @@
 //! Point models: reads files of several formats into a [`Cloud`], and completes a cloud into [`Surfels`].
 //!
-//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `scan`, `bin` (bytes to a cloud) → `tidy`
-//! (points and attributes that cannot be drawn), or `builder` (points of a program) → `complete` (normals and radii
-//! that are missing; `sides`: do the signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to
-//! surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`]. `load` does all this. `normalisation` is
-//! computed when it is asked for.
+//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `scan`, `bin` (bytes to a cloud) →
+//! `several` (clouds of several files) → `tidy` (points and attributes that cannot be drawn), or `builder` (points of a
+//! program) → `complete` (normals and radii that are missing; `sides`: do the signs of normals mean something?) →
+//! `surfels`. A mesh (`mesh`) is sampled to surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
+//! `load` does all this. `normalisation` is computed when it is asked for.
 
 mod area_normals;
 mod bin;
@@ -45,11 +45,13 @@ mod sfl;
 mod sfl_codes;
 mod sfl_container;
 mod sides;
+mod spacing;
 mod store;
 mod strays;
 mod surfels;
 mod tidy;
 mod tolerance;
+mod variance;
 mod volume;
 mod write_ply;
 mod xyz;

@@ -4,10 +4,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::neighbours::{Distinct, Neighbours};
+use super::spacing::{NEAREST, Spacing, lower_median, nearest, spacing};
 use super::strays;
 
-/// Neighbours that a radius is estimated from.
-pub(super) const NEAREST: usize = 6;
 /// Cut-off radius over the mean distance to the six nearest distinct points.
 ///
 /// Measured: how many discs lie over a point, for a Fibonacci sphere of 50 000 points and for guanyin.ply; and holes,
@@ -38,14 +37,6 @@ pub(super) struct Estimated {
     pub(super) lone: usize,
     /// Number of radii of points in the air that were limited to the median of the cloud.
     pub(super) fog: usize,
-}
-
-/// Distances of a point to its nearest.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Spacing {
-    pub(super) mean: f64,
-    /// The lower median.
-    median: f64,
 }
 
 /// Replaces the radii that are 0 by the mean distance to the six nearest distinct points times [`FACTOR`].
@@ -87,11 +78,6 @@ pub(super) fn of_distinct(position: &[Vec3], neighbours: &Neighbours) -> Vec<f32
     (0..position.len()).into_par_iter().map(|i| limited(&spacing, neighbours, i).0).collect()
 }
 
-/// Those of all points.
-pub(super) fn spacing(position: &[Vec3], neighbours: &Neighbours) -> Vec<Spacing> {
-    (0..position.len()).into_par_iter().map(|i| mean_and_median(position, neighbours, i)).collect()
-}
-
 /// Radius of distinct point `i`, and whether it was limited.
 fn limited(spacing: &[Spacing], neighbours: &Neighbours, i: usize) -> (f32, bool) {
     let Spacing { mean, median: own_median } = spacing[i];
@@ -100,27 +86,6 @@ fn limited(spacing: &[Spacing], neighbours: &Neighbours, i: usize) -> (f32, bool
     around.iter_mut().zip(near).for_each(|(to, &j)| *to = spacing[j as usize].mean);
     let limit = LONE * own_median.min(lower_median(&mut around[..near.len()]));
     ((FACTOR * mean.min(limit)) as f32, mean > limit)
-}
-
-fn nearest(neighbours: &Neighbours, i: usize) -> &[u32] {
-    let near = neighbours.of(i);
-    &near[..near.len().min(NEAREST)]
-}
-
-/// Mean and lower median of the distances from a distinct point to its six nearest.
-fn mean_and_median(position: &[Vec3], neighbours: &Neighbours, i: usize) -> Spacing {
-    let near = nearest(neighbours, i);
-    let p = position[i].as_dvec3();
-    let mut distances = [0.0; NEAREST];
-    distances.iter_mut().zip(near).for_each(|(d, &j)| *d = p.distance(position[j as usize].as_dvec3()));
-    let distances = &mut distances[..near.len()];
-    Spacing { mean: distances.iter().sum::<f64>() / near.len() as f64, median: lower_median(distances) }
-}
-
-/// The middle value; of an even number of values the lower of the two.
-fn lower_median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values[(values.len() - 1) / 2]
 }
 
 /// Estimates the radii of a cloud whose points are all in one place.

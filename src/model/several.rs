@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ModelError;
+use crate::math::srgb;
 
 /// The files that a path with stars in its name stands for, by name; `None` for the path of one file. A star stands
 /// for any text, in the name of the file alone. A file that is really called so is one file.
@@ -81,7 +82,9 @@ fn add(all: &mut Cloud, mut cloud: Cloud) {
         // One meaning for all: that of floats.
         for (part, storage) in [(&mut all.colour, all.colour_storage), (&mut cloud.colour, cloud.colour_storage)] {
             if storage == ColourStorage::Integer {
-                part.iter_mut().for_each(|c| *c = c.to_array().map(crate::math::srgb::to_linear).into());
+                for c in part.iter_mut() {
+                    *c = c.to_array().map(srgb::to_linear).into();
+                }
             }
         }
         all.colour_storage = ColourStorage::Float;

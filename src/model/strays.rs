@@ -8,16 +8,18 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::neighbours::Neighbours;
-use super::normals::{self, NEAREST};
-use super::radii::Spacing;
+use super::spacing::Spacing;
+use super::variance::flatness;
 
+/// Neighbours that tell a surface.
+pub(super) const NEAREST: usize = 16;
 /// How many times the median spacing of the cloud a fog has, at the least.
 const THIN: f64 = 2.0;
 /// Share of the least variance of a neighbourhood in all of it, above which it is no surface. A plane has 0, an edge of
 /// two planes .08, a ball 1/3, of which 17 points show .15 to .25.
 const NO_SURFACE: f64 = 0.12;
-/// How many times the median spacing of the cloud a neighbourhood has that must be flatter, with the square of it: there
-/// the noise of a surface is small beside the spacing, and a fog of few points may look flat by chance.
+/// How many times the median spacing of the cloud a neighbourhood has that must be flatter, with the square of it:
+/// there the noise of a surface is small beside the spacing, and a fog of few points may look flat by chance.
 const THINNER: f64 = 6.0;
 /// How many times the median spacing of its neighbours a lone point has, at the least.
 const LONE: f64 = 4.0;
@@ -41,7 +43,7 @@ pub(super) fn find(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacin
     let is_fog = |i: usize| {
         let thinness = spacing[i].mean / median;
         let limit = NO_SURFACE * (THINNER / thinness).powi(2).min(1.0);
-        thinness > THIN && normals::flatness(position, i, neighbours.of(i)) > limit
+        thinness > THIN && flatness(position, i, neighbours.of(i)) > limit
     };
     let is_lone = |i: usize| {
         let mut around = [0.0; NEAREST];
@@ -65,7 +67,7 @@ pub(super) fn find(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacin
 mod tests {
     use super::*;
     use crate::model::neighbours::Distinct;
-    use crate::model::radii;
+    use crate::model::spacing::spacing;
 
     /// Points of a low-discrepancy sequence in [0, 1)^3.
     fn points(count: usize) -> impl Iterator<Item = Vec3> {
@@ -79,7 +81,7 @@ mod tests {
     fn found(points: &[Vec3]) -> Vec<bool> {
         let distinct = Distinct::new(points);
         let neighbours = Neighbours::new(&distinct.position, NEAREST, &|_, _| {});
-        let strays = find(&distinct.position, &neighbours, &radii::spacing(&distinct.position, &neighbours)).unwrap();
+        let strays = find(&distinct.position, &neighbours, &spacing(&distinct.position, &neighbours)).unwrap();
         distinct.of.iter().map(|i| strays.fog[*i as usize] || strays.lone[*i as usize]).collect()
     }
 
@@ -119,6 +121,6 @@ mod tests {
     fn few_points_have_none() {
         let few: Vec<Vec3> = points(10).collect();
         let neighbours = Neighbours::new(&few, NEAREST, &|_, _| {});
-        assert!(find(&few, &neighbours, &radii::spacing(&few, &neighbours)).is_none());
+        assert!(find(&few, &neighbours, &spacing(&few, &neighbours)).is_none());
     }
 }

@@ -11,7 +11,8 @@ use super::{SceneLoadOptions, load};
 use crate::anim::TrackFormat;
 
 /// Attributes that are text and name no path.
-const NO_PATHS: [(&str, &str); 3] = [("object", "name"), ("pointModel", "node"), ("animation", "node")];
+const NO_PATHS: [(&str, &str); 4] =
+    [("object", "name"), ("pointModel", "node"), ("pointModel", "classes"), ("animation", "node")];
 
 /// Scenes whose element, or attribute, names `pipe`, or `pipe.1` and `pipe.2` of a sequence.
 fn scenes(element: &str, attribute: Option<&str>) -> Vec<String> {

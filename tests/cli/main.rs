@@ -22,6 +22,8 @@ mod reference;
 mod render;
 mod report;
 mod saves;
+#[cfg(feature = "formats")]
+mod scans;
 mod shell;
 mod studio;
 mod volumes;

@@ -926,7 +926,8 @@ fn crowds_are_quick() {
     refused(
         format!("<scene>{}</scene>", (10..43).map(object).collect::<String>()),
         "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 sets of `radiusScale`, \
-         `colourSpace`, `kind`, `spacing`, `reduce` and what volumes take for one file",
+         `colourSpace`, `kind`, `spacing`, `reduce`, what clouds of points and what volumes take for one \
+         file",
     );
 }
 

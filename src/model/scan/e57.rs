@@ -8,7 +8,7 @@ use ::e57::{CartesianCoordinate, E57Reader, Header, PointCloud};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Thinning, check_count, grey};
+use super::common::{Thinning, check_count, grey};
 use crate::model::cloud::{Cloud, ColourStorage};
 use crate::model::error::ParseError;
 use crate::model::options::PointOptions;

@@ -7,7 +7,7 @@ use ::e57::E57Reader;
 use glam::DVec3;
 
 use super::e57;
-use super::las::Header;
+use super::las_header::Header;
 use crate::files;
 use crate::math::Bounds;
 use crate::model::error::{ModelError, ParseError};

@@ -11,7 +11,7 @@ use laz::laszip::ChunkTable;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{LazItem, LazItemType, LazVlr};
 
-use super::las::{Header, PointBlock};
+use super::las_header::{Header, PointBlock};
 use crate::model::error::ParseError;
 
 /// Points that are unpacked at a time.

@@ -1,8 +1,10 @@
 //! Points of laser scanners: LAS, LAZ and COPC (`las`; `laz` unpacks), and E57 (`e57`).
 //!
-//! Both formats hold more than surfels use. Here are the choices that a scene has among the points ([`Taken`]), and
-//! what becomes of intensities.
+//! Readers make the choices that a scene has among points ([`PointOptions`]) while they read. Here is what becomes of
+//! these choices in all other formats.
 
+#[cfg(feature = "formats")]
+mod common;
 #[cfg(feature = "formats")]
 mod e57;
 #[cfg(feature = "formats")]
@@ -10,11 +12,11 @@ mod facts;
 #[cfg(feature = "formats")]
 mod las;
 #[cfg(feature = "formats")]
+mod las_header;
+#[cfg(feature = "formats")]
 mod laz;
 
-use glam::Vec3;
-
-use super::cloud::{Cloud, ColourStorage};
+use super::cloud::Cloud;
 use super::error::ParseError;
 use super::options::PointOptions;
 use super::tidy;
@@ -28,70 +30,6 @@ pub(super) use self::e57::parse as parse_e57;
 pub use self::facts::{Scan, ScanFacts, scan_facts};
 #[cfg(feature = "formats")]
 pub(super) use self::las::parse as parse_las;
-
-/// Points that every file may hold, however small it is.
-#[cfg(feature = "formats")]
-const FREE_POINTS: u64 = 1 << 20;
-
-/// Most points above [`FREE_POINTS`] for each byte of a file. Packed scans have 2 to 10 bytes a point; a scan without
-/// noise, as tests make them, has a few points a byte.
-#[cfg(feature = "formats")]
-const MOST_POINTS_A_BYTE: u64 = 64;
-
-/// One intensity in so many is brighter than white: a few mirrors would leave all others black.
-#[cfg(feature = "formats")]
-const WHITE: usize = 200;
-
-/// Checks what a file says about its number of points: some bytes that unpack to billions of equal points are an
-/// attempt to fill memory.
-///
-/// # Errors
-/// There are too many for a file of `size` bytes.
-#[cfg(feature = "formats")]
-fn check_count(points: u64, size: usize, at: usize) -> Result<(), ParseError> {
-    let most = FREE_POINTS.saturating_add(MOST_POINTS_A_BYTE.saturating_mul(size as u64));
-    if points <= most {
-        return Ok(());
-    }
-    Err(ParseError::byte(at, format!("{points} points in {size} bytes"), format!("at most {most}")))
-}
-
-/// Takes every n-th point of those that a file offers one after another.
-#[cfg(feature = "formats")]
-#[derive(Debug)]
-struct Thinning {
-    every: u64,
-    offered: u64,
-}
-
-#[cfg(feature = "formats")]
-impl Thinning {
-    fn new(options: &PointOptions) -> Self {
-        Self { every: u64::from(options.every.max(1)), offered: 0 }
-    }
-
-    /// Is the next point taken?
-    fn takes(&mut self) -> bool {
-        let takes = self.offered.is_multiple_of(self.every);
-        self.offered += 1;
-        takes
-    }
-}
-
-/// Greys of intensities, which have no common scale: black is 0, white what one in [`WHITE`] exceeds. The note says it.
-#[cfg(feature = "formats")]
-fn grey(intensity: &[f32], cloud: &mut Cloud) {
-    let mut sorted: Vec<f32> = intensity.iter().copied().filter(|x| x.is_finite() && *x > 0.0).collect();
-    if sorted.is_empty() {
-        return;
-    }
-    let nth = sorted.len() - 1 - sorted.len() / WHITE;
-    let white = *sorted.select_nth_unstable_by(nth, f32::total_cmp).1;
-    let channel = |x: f32| if x.is_finite() { (x / white).clamp(0.0, 1.0) } else { 0.0 };
-    cloud.colour = intensity.iter().map(|x| Vec3::splat(channel(*x))).collect();
-    cloud.colour_storage = ColourStorage::Integer;
-    cloud.notes.push(format!("no colours: intensity from 0 to {white} is shown as grey"));
-}
 
 /// Makes the choices among points of other formats: all that this module does not read.
 ///
@@ -117,7 +55,7 @@ pub(super) fn refuse(options: &PointOptions) -> Result<(), ParseError> {
     if *options == PointOptions::default() {
         return Ok(());
     }
-    let expected = "a cloud of points, as `every`, `classes` or `scannerPosition` is given";
+    let expected = "a cloud of points, as `every`, `classes`, `clean` or `scannerPosition` is given";
     Err(ParseError::byte(0, "a mesh, a capture, a volume or surfels", expected))
 }
 

@@ -1,5 +1,6 @@
 //! Files of laser scanners: made by the libraries that people use for them, read to the same numbers.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
@@ -168,7 +169,7 @@ fn normals_face_the_scanner() {
             4 => [a, b, 1.0],
             _ => [a, b, -1.0],
         };
-        text += &format!("{} {y} {z}\n", x + 1000.0);
+        writeln!(text, "{} {y} {z}", x + 1000.0).unwrap();
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.xyz");
@@ -260,7 +261,10 @@ fn files_that_are_cut_short_are_refused() {
 proptest! {
     /// Nothing panics, and nothing takes memory for what is not there.
     #[test]
-    fn damaged_scans_are_read_or_refused(file in 0_usize..10, places in prop::collection::vec((0.0..1.0_f64, 0_u8..), 1..6)) {
+    fn damaged_scans_are_read_or_refused(
+        file in 0_usize..10,
+        places in prop::collection::vec((0.0..1.0_f64, 0_u8..), 1..6),
+    ) {
         let names = LAS.map(|(name, _)| name);
         let (name, format) = names.get(file).map_or(("two.e57", ModelFormat::E57), |name| (*name, ModelFormat::Las));
         let mut bytes = read(name);

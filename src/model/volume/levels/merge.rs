@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3, Mat3, Quat, Vec3};
 
 use crate::model::capture::Gaussians;
-use crate::model::normals::eigen;
+use crate::model::variance::eigen;
 
 /// A kernel while it is merged.
 #[derive(Clone, Debug)]
