@@ -70,8 +70,9 @@ impl Convert {
             return self.play();
         }
         let binary = binary(&self.output)?;
-        if same_file(&self.input, &self.output) {
-            bail!("{} is both IN and OUT", self.input.display());
+        let inputs = model::matching(&self.input)?.unwrap_or_else(|| vec![self.input.clone()]);
+        if let Some(input) = inputs.iter().find(|input| same_file(input, &self.output)) {
+            bail!("{} is both IN and OUT", input.display());
         }
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());

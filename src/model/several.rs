@@ -24,7 +24,8 @@ pub fn matching(path: &Path) -> Result<Option<Vec<PathBuf>>, ModelError> {
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         let name = entry.file_name();
-        if name.to_str().is_some_and(|name| fits(pattern, name)) && entry.path().is_file() {
+        // What a link leads to is found out when it is opened.
+        if name.to_str().is_some_and(|name| fits(pattern, name)) && !entry.path().is_dir() {
             files.push(path.with_file_name(name));
         }
     }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use crate::files::{self, Changed, InputError, Stamp};
 use crate::image::{Display, Format, ViewTransform};
+use crate::model;
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
 use crate::scene::{Object, Scene, SequenceSpec, Shape};
@@ -322,8 +323,11 @@ fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
         Shape::Surfels { .. } | Shape::Gaussians { .. } | Shape::Volume { .. } => true,
         Shape::Sequence { .. } | Shape::Sphere { .. } => false,
     };
-    // A model that was made in code has no file.
-    let has_file = |object: &&Object| !object.source.path.as_os_str().is_empty();
+    // A model that was made in code has no file. A name with stars is none: the list of what was read has its files.
+    let has_file = |object: &&Object| {
+        let path = &object.source.path;
+        !path.as_os_str().is_empty() && !matches!(model::matching(path), Ok(Some(_)))
+    };
     let models = scene.objects.iter().filter(is_model).filter(has_file).map(|object| &object.source.path);
     let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);
     let environment = scene.environment.as_ref().map(|environment| &environment.path);

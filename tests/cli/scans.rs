@@ -63,12 +63,24 @@ fn points_are_chosen_in_conversion_and_in_scenes() {
     let (status, _, errors) = run(dir.path(), "render 7.laz --size 32x24 --mode supersample:1 --backend cpu --out o");
     assert_eq!(status, Some(0), "{errors}");
     assert!(errors.contains("note: 7.laz: z is taken as up, as scans have it"), "{errors}");
+    // Several files, and the hash of what was read.
+    for line in ["render 7.* --out p", "render several.xml --out q"] {
+        let scene = "<scene><object><pointModel>7.*</pointModel></object></scene>";
+        fs::write(dir.path().join("several.xml"), scene).unwrap();
+        let line = format!("{line} --size 32x24 --mode supersample:1 --backend cpu --json");
+        let said = report(dir.path(), &line);
+        let read: Vec<&str> = said["inputs"]
+            .as_array()
+            .map_or_else(Vec::new, |inputs| inputs.iter().filter_map(|input| input["file"].as_str()).collect());
+        assert!(read.is_empty() || read.contains(&"7.las") && read.contains(&"7.laz"), "{said}");
+    }
 }
 
 #[test]
 fn wrong_choices_are_one_line() {
     let dir = folder();
     fs::write(dir.path().join("a.xyz"), "0 0 0\n1 0 0\n0 1 0\n").unwrap();
+    fs::write(dir.path().join("7.ply"), "").unwrap();
     for (line, expected) in [
         ("convert a.xyz a.ply --classes 2", "expected LAS or LAZ, as `classes` are named"),
         ("convert 7.las a.ply --classes 2,300", "300"),
@@ -76,6 +88,9 @@ fn wrong_choices_are_one_line() {
         ("convert no*.las a.ply", "no*.las, expected one at least that the stars fit"),
         ("info no*.las", "no*.las, expected one at least that the stars fit"),
         ("convert 7.las a.ply --scanner-position 1,2", "expected X,Y,Z"),
+        ("convert 7.* 7.ply", "7.ply exists already"),
+        ("convert 7.* 7.ply --force", "7.ply is both IN and OUT"),
+        ("convert 7.las a.ply --classes 99", "points of each class of the file: 1 (unclassified)"),
     ] {
         let (status, _, errors) = run(dir.path(), line);
         assert_eq!(status, Some(2), "{line}: {errors}");

@@ -185,6 +185,9 @@ fn scans(_: &Path) -> anyhow::Result<Option<serde_json::Value>> {
 
 /// What a glTF file with triangles holds; `None` for all other files.
 fn meshes(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
+    if model::matching(file)?.is_some() {
+        return Ok(None);
+    }
     // Files whose first bytes show another format are read once, by their loader: they may be large.
     let start = head(file).with_context(|| format!("cannot read {}", file.display()))?;
     if let Some(ModelFormat::Bin | ModelFormat::Ply | ModelFormat::Sfl | ModelFormat::Spz | ModelFormat::Sog) =

@@ -1,5 +1,9 @@
 //! What the readers of scans share: how many points a file may hold, which are taken, and greys of intensities.
 
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
+
 use glam::Vec3;
 
 use crate::model::cloud::{Cloud, ColourStorage};
@@ -61,4 +65,40 @@ pub(super) fn grey(intensity: &[f32], cloud: &mut Cloud) {
     cloud.colour = intensity.iter().map(|x| Vec3::splat(channel(*x))).collect();
     cloud.colour_storage = ColourStorage::Integer;
     cloud.notes.push(format!("no colours: intensity from 0 to {white} is shown as grey"));
+}
+
+thread_local! {
+    /// True while this thread is within [`guarded`].
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Does what a library does with bytes of a file; `None` if it panics, because it trusts that numbers of the file are
+/// within its tables. Such a panic says nothing; all others are reported as before.
+pub(super) fn guarded<T>(work: impl FnOnce() -> T) -> Option<T> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let report = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !GUARDED.get() {
+                report(info);
+            }
+        }));
+    });
+    let before = GUARDED.replace(true);
+    let done = panic::catch_unwind(AssertUnwindSafe(work));
+    GUARDED.set(before);
+    done.ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_within_is_no_result() {
+        assert_eq!(guarded(|| 3), Some(3));
+        assert_eq!(guarded(|| guarded(|| panic!("within")).map_or(4, |()| 5)), Some(4));
+        assert_eq!(guarded(|| [1, 2][std::hint::black_box(7)]), None);
+        assert!(!GUARDED.get());
+    }
 }

@@ -3,12 +3,13 @@
 //! The crate `e57` reads it. It takes memory for as long a text as the header claims, so the header is looked at first.
 
 use std::io::Cursor;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use ::e57::{CartesianCoordinate, E57Reader, Header, PointCloud};
+use ::e57::{CartesianCoordinate, E57Reader, Header, PointCloud, RecordDataType, RecordName};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::common::{Thinning, check_count, grey};
+use super::common::{Thinning, check_count, grey, guarded};
 use crate::model::cloud::{Cloud, ColourStorage};
 use crate::model::error::ParseError;
 use crate::model::options::PointOptions;
@@ -25,6 +26,11 @@ pub(super) fn fault(why: &::e57::Error) -> ParseError {
     ParseError::byte(0, why.to_string(), "a valid E57 file")
 }
 
+/// The error for numbers on which the crate panics.
+pub(super) fn odd() -> ParseError {
+    ParseError::byte(0, "numbers that no scan has", "a valid E57 file")
+}
+
 /// Checks that the header's text fits into a file of `size` bytes.
 pub(super) fn check_header(head: &[u8], size: u64) -> Result<(), ParseError> {
     let header = Header::read(&mut Cursor::new(head)).map_err(|why| fault(&why))?;
@@ -35,10 +41,32 @@ pub(super) fn check_header(head: &[u8], size: u64) -> Result<(), ParseError> {
     Ok(())
 }
 
-/// The place of a scan's scanner.
+/// Checks that points of a scan have places, and that a column has values that differ: where none takes a bit, the crate
+/// finds no end of points.
+fn check_columns(scan: &PointCloud) -> Result<(), ParseError> {
+    let takes_bits = |record: &::e57::Record| match record.data_type {
+        RecordDataType::Single { .. } | RecordDataType::Double { .. } => true,
+        RecordDataType::ScaledInteger { min, max, .. } | RecordDataType::Integer { min, max } => min < max,
+    };
+    let has = |names: [RecordName; 3]| names.iter().all(|name| scan.prototype.iter().any(|r| r.name == *name));
+    let placed = has([RecordName::CartesianX, RecordName::CartesianY, RecordName::CartesianZ])
+        || has([RecordName::SphericalRange, RecordName::SphericalAzimuth, RecordName::SphericalElevation]);
+    if !placed {
+        let expected = "x, y and z, or a range and two angles";
+        return Err(ParseError::byte(0, "a scan whose points have no place", expected));
+    }
+    if scan.records == 0 || scan.prototype.iter().any(takes_bits) {
+        return Ok(());
+    }
+    let found = format!("a scan of {} points without a column whose values differ", scan.records);
+    Err(ParseError::byte(0, found, "one at least"))
+}
+
+/// The place of a scan's scanner; `None` where the file has none, or the origin, which many programs write who know
+/// none.
 pub(super) fn station(scan: &PointCloud) -> Option<DVec3> {
     let at = &scan.transform.as_ref()?.translation;
-    Some(DVec3::new(at.x, at.y, at.z)).filter(|at| at.is_finite())
+    Some(DVec3::new(at.x, at.y, at.z)).filter(|at| at.is_finite() && *at != DVec3::ZERO)
 }
 
 /// The points of one scan that are taken.
@@ -52,18 +80,17 @@ struct Gathered {
 
 impl Gathered {
     fn of(
-        bytes: &[u8],
+        reader: &mut E57Reader<Cursor<&[u8]>>,
         scan: &PointCloud,
-        every: &PointOptions,
+        options: &PointOptions,
         done: &(dyn Fn(u64) + Sync),
     ) -> Result<Self, ParseError> {
-        let mut reader = E57Reader::new(Cursor::new(bytes)).map_err(|why| fault(&why))?;
         let mut points = reader.pointcloud_simple(scan).map_err(|why| fault(&why))?;
         // Greys of our own have the same scale in all scans.
         points.intensity_to_color(false);
-        points.normalize_intensity(scan.intensity_limits.is_some());
+        points.normalize_intensity(false);
         let mut gathered = Self::default();
-        let mut thinning = Thinning::new(every);
+        let mut thinning = Thinning::new(options);
         for (number, point) in (1..).zip(points) {
             let point = point.map_err(|why| fault(&why))?;
             if number % REPORT == 0 {
@@ -99,18 +126,27 @@ pub(in crate::model) fn parse(
     if !options.classes.is_empty() {
         return Err(ParseError::byte(0, "points without classes", "LAS or LAZ, as `classes` are named"));
     }
-    let reader = E57Reader::new(Cursor::new(bytes)).map_err(|why| fault(&why))?;
-    let scans = reader.pointclouds();
-    drop(reader);
+    let open = || E57Reader::new(Cursor::new(bytes)).map_err(|why| fault(&why));
+    let scans = guarded(|| open().map(|reader| reader.pointclouds())).unwrap_or_else(|| Err(odd()))?;
+    scans.iter().try_for_each(check_columns)?;
     let claimed = scans.iter().fold(0_u64, |sum, scan| sum.saturating_add(scan.records));
     check_count(claimed, bytes.len(), 0)?;
-    let read = std::sync::atomic::AtomicU64::new(0);
+    let read = AtomicU64::new(0);
     let done = |points: u64| {
-        let read = read.fetch_add(points, std::sync::atomic::Ordering::Relaxed) + points;
+        let read = read.fetch_add(points, Ordering::Relaxed) + points;
         progress(read as f32 / claimed.max(1) as f32);
     };
-    let gathered: Result<Vec<_>, _> = scans.par_iter().map(|scan| Gathered::of(bytes, scan, options, &done)).collect();
-    let gathered = gathered?;
+    // To open the file takes as long as its text is: once for each thread.
+    let share = scans.len().div_ceil(rayon::current_num_threads()).max(1);
+    let of_some = |some: &[PointCloud]| {
+        let all = guarded(|| {
+            let mut reader = open()?;
+            some.iter().map(|scan| Gathered::of(&mut reader, scan, options, &done)).collect::<Result<Vec<_>, _>>()
+        });
+        all.unwrap_or_else(|| Err(odd()))
+    };
+    let gathered: Result<Vec<_>, ParseError> = scans.par_chunks(share).map(of_some).collect();
+    let gathered: Vec<Gathered> = gathered?.into_iter().flatten().collect();
     let mut cloud = Cloud { colour_storage: ColourStorage::Integer, ..Cloud::default() };
     let mut intensity = Vec::new();
     let stations: Vec<Option<DVec3>> = scans.iter().map(station).collect();

@@ -6,6 +6,7 @@ use std::path::Path;
 use ::e57::E57Reader;
 use glam::DVec3;
 
+use super::common::guarded;
 use super::e57;
 use super::las_header::Header;
 use crate::files;
@@ -15,6 +16,10 @@ use crate::model::format::ModelFormat;
 
 /// Most bytes before the points of LAS that are read: records say much of which nothing is used here.
 const MOST_HEAD: u64 = 1 << 24;
+/// Most columns of a scan that are named.
+const MOST_COLUMNS: usize = 64;
+/// Most characters of a text of a file that are shown.
+const MOST_TEXT: usize = 2000;
 /// Records of LAS that name the coordinate system, by the OGC as text.
 const WKT: (&str, u16) = ("LASF_Projection", 2112);
 
@@ -76,6 +81,13 @@ pub fn scan_facts(path: &Path) -> Result<Option<ScanFacts>, ModelError> {
     })
 }
 
+/// A text of a file, to its first zero, without what would change a terminal.
+fn text(bytes: &[u8]) -> String {
+    let bytes = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
+    let text = String::from_utf8_lossy(bytes);
+    text.trim().chars().take(MOST_TEXT).map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
 fn of_las(head: &[u8]) -> Result<ScanFacts, ParseError> {
     let header = Header::read(head)?;
     let (raw, format) = (&header.raw, &header.format);
@@ -99,30 +111,30 @@ fn of_las(head: &[u8]) -> Result<ScanFacts, ParseError> {
     let bounds =
         Bounds { min: DVec3::new(raw.min_x, raw.min_y, raw.min_z), max: DVec3::new(raw.max_x, raw.max_y, raw.max_z) };
     let system = records.iter().find(|(user, number, _)| user == WKT.0 && *number == WKT.1);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim_end_matches('\0').trim().to_owned();
     Ok(ScanFacts {
         format: format!("{kind} {}.{}, points of format {number}", raw.version.major, raw.version.minor),
         points: header.points,
         bounds: Some(bounds).filter(|bounds| !bounds.is_empty() && bounds.min.is_finite() && bounds.max.is_finite()),
         columns,
-        system: system.map(|(_, _, data)| text(data)),
+        system: system.map(|(_, _, data)| text(data)).filter(|system| !system.is_empty()),
         writer: text(&raw.generating_software),
         scans: Vec::new(),
     })
 }
 
 fn of_e57(input: files::Input) -> Result<ScanFacts, ParseError> {
-    let reader = E57Reader::new(input).map_err(|why| e57::fault(&why))?;
+    let opened = guarded(|| E57Reader::new(input).map_err(|why| e57::fault(&why)));
+    let reader = opened.unwrap_or_else(|| Err(e57::odd()))?;
     let clouds = reader.pointclouds();
     let mut columns: Vec<String> = Vec::new();
-    for record in clouds.iter().flat_map(|cloud| &cloud.prototype) {
-        let name = format!("{:?}", record.name);
-        if !columns.contains(&name) {
+    for record in clouds.iter().flat_map(|cloud| cloud.prototype.iter().take(MOST_COLUMNS)) {
+        let name = text(format!("{:?}", record.name).as_bytes());
+        if columns.len() < MOST_COLUMNS && !columns.contains(&name) {
             columns.push(name);
         }
     }
     let scan = |cloud: &::e57::PointCloud| Scan {
-        name: cloud.name.clone().unwrap_or_default(),
+        name: text(cloud.name.as_deref().unwrap_or_default().as_bytes()),
         points: cloud.records,
         station: e57::station(cloud),
     };
@@ -131,8 +143,8 @@ fn of_e57(input: files::Input) -> Result<ScanFacts, ParseError> {
         points: clouds.iter().fold(0, |sum, cloud| sum.saturating_add(cloud.records)),
         bounds: None,
         columns,
-        system: reader.coordinate_metadata().map(str::to_owned),
-        writer: reader.library_version().unwrap_or_default().to_owned(),
+        system: reader.coordinate_metadata().map(|system| text(system.as_bytes())).filter(|system| !system.is_empty()),
+        writer: text(reader.library_version().unwrap_or_default().as_bytes()),
         scans: clouds.iter().map(scan).collect(),
     })
 }

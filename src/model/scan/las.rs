@@ -20,6 +20,10 @@ const BLOCK: usize = 1 << 16;
 const WAITING: usize = 32;
 /// Byte at which a header says where points begin.
 const DATA_AT: usize = 96;
+/// Classes that a note names.
+const SHOWN: usize = 12;
+/// One point in so many may be brighter than a colour of 8 bits where all others have 8: a slip of a program.
+const BRIGHT: usize = 1000;
 /// The classes of ASPRS LAS 1.4 that people filter by; the others are numbers.
 const CLASS_NAMES: [(u8, &str); 10] = [
     (1, "unclassified"),
@@ -41,7 +45,8 @@ struct Gathered {
     /// Empty where the format has none.
     colour: Vec<[u16; 3]>,
     intensity: Vec<u16>,
-    class: Vec<u8>,
+    /// Points of each class of the file, the unwanted included.
+    classes: BTreeMap<u8, u64>,
     withheld: u64,
 }
 
@@ -49,6 +54,7 @@ impl Gathered {
     /// The points of some records that are of a wanted class, and not withheld.
     fn of(data: &PointBlock, options: &PointOptions) -> Self {
         let mut gathered = Self::default();
+        let mut classes = [0; 256];
         let extended = data.format().is_extended;
         let places = data.x().zip(data.y()).zip(data.z());
         let mut colours = data.rgb();
@@ -60,6 +66,7 @@ impl Gathered {
             // Bit 2 of the flags, which older formats have above the class.
             let withheld = if extended { record[15] & 0b100 != 0 } else { record[15] & 0b1000_0000 != 0 };
             gathered.withheld += u64::from(withheld);
+            classes[usize::from(class)] += 1;
             let wanted = options.classes.is_empty() || options.classes.contains(&class);
             if withheld || !wanted {
                 continue;
@@ -67,20 +74,22 @@ impl Gathered {
             gathered.position.push(DVec3::new(x, y, z));
             gathered.colour.extend(colour.map(|(r, g, b)| [r, g, b]));
             gathered.intensity.push(intensity);
-            gathered.class.push(class);
         }
+        gathered.classes = (0..).zip(classes).filter(|(_, count)| *count > 0).collect();
         gathered
     }
 
     /// Adds those of `other` that are taken.
     fn add(&mut self, other: Self, thinning: &mut Thinning) {
         self.withheld += other.withheld;
+        for (class, count) in other.classes {
+            *self.classes.entry(class).or_default() += count;
+        }
         for (i, position) in other.position.into_iter().enumerate() {
             if thinning.takes() {
                 self.position.push(position);
                 self.colour.extend(other.colour.get(i));
                 self.intensity.push(other.intensity[i]);
-                self.class.push(other.class[i]);
             }
         }
     }
@@ -90,8 +99,9 @@ impl Gathered {
         let brightest = self.colour.iter().flatten().copied().max().unwrap_or(0);
         if brightest > 0 {
             // Colours have 16 bits; many programs write 8 of them, and then all are small.
-            let white: u16 = if brightest > 255 { u16::MAX } else { 255 };
-            let channel = |c: u16| f32::from(c) / f32::from(white);
+            let bright = self.colour.iter().filter(|c| c.iter().any(|c| *c > 255)).count();
+            let white: u16 = if bright > self.colour.len() / BRIGHT { u16::MAX } else { 255 };
+            let channel = |c: u16| f32::from(c.min(white)) / f32::from(white);
             cloud.colour = self.colour.iter().map(|c| Vec3::from(c.map(channel))).collect();
             cloud.colour_storage = ColourStorage::Integer;
             cloud.notes.push(format!("colours from 0 to {white}"));
@@ -102,11 +112,13 @@ impl Gathered {
         if self.withheld > 0 {
             cloud.notes.push(format!("{} points dropped: the file withholds them", self.withheld));
         }
-        let mut counts: BTreeMap<u8, u64> = BTreeMap::new();
-        self.class.iter().for_each(|class| *counts.entry(*class).or_default() += 1);
+        let counts = &self.classes;
         if counts.keys().any(|class| *class > 1) || !options.classes.is_empty() {
-            let shown: Vec<String> = counts.iter().map(|(class, count)| format!("{} {count}", named(*class))).collect();
-            cloud.notes.push(format!("points of each class: {}", shown.join(", ")));
+            let shown = counts.iter().take(SHOWN).map(|(class, count)| format!("{} {count}", named(*class)));
+            let shown = shown.collect::<Vec<_>>().join(", ");
+            let more = counts.len().saturating_sub(SHOWN);
+            let tail = if more > 0 { format!(" and {more} more classes") } else { String::new() };
+            cloud.notes.push(format!("points of each class of the file: {shown}{tail}"));
         }
         cloud
     }
@@ -132,8 +144,9 @@ pub(in crate::model) fn parse(
     let header = Header::read(bytes)?;
     check_count(header.points, bytes.len(), header.count_at)?;
     let begin = header.begin();
-    let Some(data) = bytes.get(begin..) else {
-        let expected = format!("a place within the {} bytes of the file", bytes.len());
+    let least = header.end(bytes);
+    let Some(data) = bytes.get(begin..).filter(|_| begin >= least) else {
+        let expected = format!("a place from byte {least}, behind the header and its records, to {}", bytes.len());
         return Err(ParseError::byte(DATA_AT, format!("points from byte {begin}"), expected));
     };
     let mut gathered = Gathered::default();

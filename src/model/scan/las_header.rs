@@ -87,6 +87,12 @@ impl Header {
         Ok(data)
     }
 
+    /// Byte behind the header and its records.
+    pub(super) fn end(&self, bytes: &[u8]) -> usize {
+        let records = self.records(bytes).iter().map(|(_, _, data)| RECORD_HEAD + data.len()).sum::<usize>();
+        usize::from(self.raw.header_size) + records
+    }
+
     /// Byte at which the points begin.
     pub(super) fn begin(&self) -> usize {
         self.raw.offset_to_point_data as usize

@@ -4,13 +4,13 @@
 //! both are held against the bytes that are there first.
 
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use laz::las::selective::DecompressionSelection;
 use laz::laszip::ChunkTable;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{LazItem, LazItemType, LazVlr};
 
+use super::common::guarded;
 use super::las_header::{Header, PointBlock};
 use crate::model::error::ParseError;
 
@@ -62,6 +62,13 @@ impl<'a> Chunks<'a> {
         if size != header.size_of_point() as u64 {
             let expected = format!("{}, as in the header", header.size_of_point());
             return wrong(begin, format!("packed points of {size} bytes"), &expected);
+        }
+        let has =
+            |wanted: &[fn(&LazItemType) -> bool]| items.iter().any(|i| wanted.iter().any(|is| is(&i.item_type())));
+        let extended = has(&[|item| matches!(item, LazItemType::Point14)]);
+        let coloured = has(&[|item| matches!(item, LazItemType::RGB12 | LazItemType::RGB14 | LazItemType::RGBNIR14)]);
+        if extended != header.format.is_extended || coloured != header.format.has_color {
+            return wrong(begin, "packed points of another format".to_owned(), "the format that the header names");
         }
         let packing = match record.first_chunk() {
             Some([1, 0]) => Packing::Whole,
@@ -115,12 +122,10 @@ impl<'a> Chunks<'a> {
         while left > 0 {
             let points = left.min(BLOCK);
             let mut block = header.room(points as usize)?;
-            // Damaged bytes break assertions of the crate where these are on.
-            let unpacked = catch_unwind(AssertUnwindSafe(|| {
-                unpacker.decompress_many(block.resize_for(points as usize)).map_err(|why| why.to_string())
-            }));
+            let unpacked =
+                guarded(|| unpacker.decompress_many(block.resize_for(points as usize)).map_err(|why| why.to_string()));
             unpacked
-                .unwrap_or_else(|_| Err("no packed points".to_owned()))
+                .unwrap_or_else(|| Err("numbers beyond all tables".to_owned()))
                 .map_err(|why| damaged(format!("after {} points: {why}", chunk.points - left)))?;
             take(&block);
             left -= points;

@@ -228,6 +228,7 @@ fn lying_headers_are_refused_in_one_line() {
     assert!(las(131, &0_f64.to_le_bytes()).starts_with("byte 131: found a scale of 0"));
     assert!(las(139, &f64::NAN.to_le_bytes()).starts_with("byte 139: found a scale of NaN"));
     assert!(las(96, &u32::MAX.to_le_bytes()).starts_with("byte 96: found points from byte 4294967295"));
+    assert!(las(96, &374_u32.to_le_bytes()).contains("found points from byte 374, expected a place from byte 375"));
     // What a packed file says of its chunks and layers.
     let bytes = read("7.laz");
     let begin = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
@@ -242,6 +243,8 @@ fn lying_headers_are_refused_in_one_line() {
     assert!(layers.contains("found layers that are larger than their chunk"), "{layers}");
     let points = laz(247, &100_000_u64.to_le_bytes());
     assert!(points.contains("a damaged chunk") || points.contains("chunks of"), "{points}");
+    let format = laz(104, &[128 + 6]);
+    assert!(format.contains("found packed points of"), "{format}");
     // E57: the text and the number of points.
     let e57 = refused(&changed("two.e57", 32, &u64::MAX.to_le_bytes()), ModelFormat::E57).to_string();
     assert!(e57.starts_with("byte 32: found a text of 18446744073709551615 bytes, expected at most 10240"), "{e57}");
@@ -256,6 +259,30 @@ fn files_that_are_cut_short_are_refused() {
             panic!("{name} cut to {length} of {} was accepted: {} points", bytes.len(), cloud.position.len());
         }
     }
+}
+
+/// Eight bits in sixteen, but for one point: a slip, not a cloud of sixteen bits that is nearly black.
+#[test]
+fn one_bright_point_makes_no_cloud_black() {
+    let mut bytes = read("7.las");
+    let begin = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+    let record = bytes[begin..begin + 36].to_vec();
+    let points: Vec<Vec<u8>> = (0..2000_u16)
+        .map(|i| {
+            let mut point = record.clone();
+            let colour = if i == 7 { 300_u16 } else { 200 };
+            point[30..32].copy_from_slice(&colour.to_le_bytes());
+            point[32..36].copy_from_slice(&[100, 0, 50, 0]);
+            point
+        })
+        .collect();
+    bytes.truncate(begin);
+    bytes.extend(points.concat());
+    bytes[247..255].copy_from_slice(&2000_u64.to_le_bytes());
+    let found = cloud(&bytes, ModelFormat::Las);
+    assert_eq!(found.colour[0], Vec3::new(200.0, 100.0, 50.0) / 255.0);
+    assert_eq!(found.colour[7], Vec3::new(255.0, 100.0, 50.0) / 255.0);
+    assert!(found.notes.contains(&"colours from 0 to 255".to_owned()), "{:?}", found.notes);
 }
 
 proptest! {
