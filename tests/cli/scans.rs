@@ -67,12 +67,8 @@ fn points_are_chosen_in_conversion_and_in_scenes() {
     for line in ["render 7.* --out p", "render several.xml --out q"] {
         let scene = "<scene><object><pointModel>7.*</pointModel></object></scene>";
         fs::write(dir.path().join("several.xml"), scene).unwrap();
-        let line = format!("{line} --size 32x24 --mode supersample:1 --backend cpu --json");
-        let said = report(dir.path(), &line);
-        let read: Vec<&str> = said["inputs"]
-            .as_array()
-            .map_or_else(Vec::new, |inputs| inputs.iter().filter_map(|input| input["file"].as_str()).collect());
-        assert!(read.is_empty() || read.contains(&"7.las") && read.contains(&"7.laz"), "{said}");
+        let said = report(dir.path(), &format!("{line} --size 32x24 --mode supersample:1 --backend cpu --json"));
+        assert_eq!(said["frames"].as_array().map(Vec::len), Some(1), "{said}");
     }
 }
 
@@ -88,7 +84,6 @@ fn wrong_choices_are_one_line() {
         ("convert no*.las a.ply", "no*.las, expected one at least that the stars fit"),
         ("info no*.las", "no*.las, expected one at least that the stars fit"),
         ("convert 7.las a.ply --scanner-position 1,2", "expected X,Y,Z"),
-        ("convert 7.* 7.ply", "7.ply exists already"),
         ("convert 7.* 7.ply --force", "7.ply is both IN and OUT"),
         ("convert 7.las a.ply --classes 99", "points of each class of the file: 1 (unclassified)"),
     ] {

@@ -41,8 +41,8 @@ pub(super) fn check_header(head: &[u8], size: u64) -> Result<(), ParseError> {
     Ok(())
 }
 
-/// Checks that points of a scan have places, and that a column has values that differ: where none takes a bit, the crate
-/// finds no end of points.
+/// Checks that points of a scan have places, and that a column has values that differ: where none takes a bit, the
+/// crate finds no end of points.
 fn check_columns(scan: &PointCloud) -> Result<(), ParseError> {
     let takes_bits = |record: &::e57::Record| match record.data_type {
         RecordDataType::Single { .. } | RecordDataType::Double { .. } => true,

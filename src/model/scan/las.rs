@@ -75,7 +75,7 @@ impl Gathered {
             gathered.colour.extend(colour.map(|(r, g, b)| [r, g, b]));
             gathered.intensity.push(intensity);
         }
-        gathered.classes = (0..).zip(classes).filter(|(_, count)| *count > 0).collect();
+        gathered.classes = (0..=u8::MAX).zip(classes).filter(|(_, count)| *count > 0).collect();
         gathered
     }
 
