@@ -179,8 +179,21 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, Mode
         let mesh = resolve::SampledMesh { path: path.to_owned(), source, shape, is_coarse: true };
         resolve::refine(&mut scene, &mesh, 1, &mut notes);
     }
-    scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    scene.name = name_of(path);
     Ok((scene, notes, studio))
+}
+
+/// The name of the scene of a model: that of its file without the ending. Of several files it is what stands beside the
+/// stars, or the name of their folder.
+fn name_of(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    if !stem.contains('*') {
+        return stem.into_owned();
+    }
+    let beside = stem.replace('*', "");
+    let beside = beside.trim_matches(['-', '_', '.', ' ']);
+    let folder = || path.parent().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
+    if beside.is_empty() { folder().unwrap_or_else(|| "model".to_owned()) } else { beside.to_owned() }
 }
 
 /// Turns what stands on another axis, unless its file says which; then the note says so.

@@ -35,6 +35,7 @@ fn headers_are_described() {
     let e57 = report(dir.path(), "info two.e57 --json");
     assert_eq!(e57["scan"]["scans"][0]["scanner"], json!([500_001.0, 4_649_002.0, 121.0]));
     let several = report(dir.path(), "info 7.* --json");
+    assert_eq!(several["files"][1]["path"], json!("7.laz"));
     assert_eq!((&several["points"], several["files"].as_array().unwrap().len()), (&json!(240), 2));
     // The header alone: of a file that is cut behind it, all is said as before.
     let bytes = fs::read(dir.path().join("7.las")).unwrap();
@@ -69,6 +70,7 @@ fn points_are_chosen_in_conversion_and_in_scenes() {
         fs::write(dir.path().join("several.xml"), scene).unwrap();
         let said = report(dir.path(), &format!("{line} --size 32x24 --mode supersample:1 --backend cpu --json"));
         assert_eq!(said["frames"].as_array().map(Vec::len), Some(1), "{said}");
+        assert!(!said["scene"].as_str().unwrap().contains('*'), "{said}");
     }
 }
 

@@ -2,6 +2,9 @@
 //!
 //! Text is `key: value` with two spaces of indent a level; short lists of numbers stay on one line.
 
+#[cfg(feature = "formats")]
+use std::path::PathBuf;
+
 use glam::{DVec2, DVec3};
 use serde_json::{Map, Value, json};
 use splatblur::anim::{Animation, NodeAnimation, NodeMotion};
@@ -230,9 +233,9 @@ pub(super) fn model_file(loaded: &LoadedModel) -> Value {
     object(pairs)
 }
 
-/// Files of laser scanners, by their headers.
+/// Files of laser scanners, by their names and headers.
 #[cfg(feature = "formats")]
-pub(super) fn scans(files: &[ScanFacts]) -> Value {
+pub(super) fn scans(names: &[PathBuf], files: &[ScanFacts]) -> Value {
     let place = vector;
     let of = |file: &ScanFacts| {
         let mut pairs = vec![("format", json!(file.format)), ("points", json!(file.points))];
@@ -254,7 +257,12 @@ pub(super) fn scans(files: &[ScanFacts]) -> Value {
         [one] => pairs.push(("scan", of(one))),
         several => {
             pairs.push(("points", json!(several.iter().map(|file| file.points).sum::<u64>())));
-            pairs.push(("files", Value::Array(several.iter().map(of).collect())));
+            let named = names.iter().zip(several).map(|(name, file)| {
+                let mut facts = of(file);
+                facts["path"] = json!(name.to_string_lossy());
+                facts
+            });
+            pairs.push(("files", Value::Array(named.collect())));
         }
     }
     object(pairs)

@@ -174,7 +174,7 @@ impl Info {
 fn scans(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
     let files = model::matching(file)?.unwrap_or_else(|| vec![file.to_owned()]);
     let facts: Result<Option<Vec<_>>, _> = files.iter().map(|file| model::scan_facts(file)).collect();
-    Ok(facts?.map(|facts| describe::scans(&facts)))
+    Ok(facts?.map(|facts| describe::scans(&files, &facts)))
 }
 
 /// No such file is read.
