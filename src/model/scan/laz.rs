@@ -63,10 +63,9 @@ impl<'a> Chunks<'a> {
             let expected = format!("{}, as in the header", header.size_of_point());
             return wrong(begin, format!("packed points of {size} bytes"), &expected);
         }
-        let has =
-            |wanted: &[fn(&LazItemType) -> bool]| items.iter().any(|i| wanted.iter().any(|is| is(&i.item_type())));
-        let extended = has(&[|item| matches!(item, LazItemType::Point14)]);
-        let coloured = has(&[|item| matches!(item, LazItemType::RGB12 | LazItemType::RGB14 | LazItemType::RGBNIR14)]);
+        let has = |is: fn(&LazItemType) -> bool| items.iter().any(|item| is(&item.item_type()));
+        let extended = has(|item| matches!(item, LazItemType::Point14));
+        let coloured = has(|item| matches!(item, LazItemType::RGB12 | LazItemType::RGB14 | LazItemType::RGBNIR14));
         if extended != header.format.is_extended || coloured != header.format.has_color {
             return wrong(begin, "packed points of another format".to_owned(), "the format that the header names");
         }
