@@ -10,7 +10,7 @@ use super::normals::Seen;
 use super::options::{ColourSpace, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
-use super::{normals, radii, spacing, strays};
+use super::{normals, radii, spacing, strays, variance};
 use crate::math::{Bounds, srgb};
 
 /// Smallest length, model units. Its square does not underflow in `f32`.
@@ -149,10 +149,10 @@ fn recentred(position: &[DVec3]) -> (DVec3, Vec<Vec3>) {
 fn clean(cloud: &mut Cloud, progress: LoadProgress<'_>, notes: &mut Vec<String>) {
     let (_, position) = recentred(&cloud.position);
     let distinct = Distinct::new(&position);
-    let neighbours = Neighbours::new(&distinct.position, strays::NEAREST, progress);
+    let neighbours = Neighbours::new(&distinct.position, variance::NEAREST, progress);
     let spacing = spacing::spacing(&distinct.position, &neighbours);
     let Some(strays) = strays::find(&distinct.position, &neighbours, &spacing) else { return };
-    let kept: Vec<bool> = distinct.of.iter().map(|i| !(strays.fog[*i as usize] || strays.lone[*i as usize])).collect();
+    let kept: Vec<bool> = distinct.of.iter().map(|i| !strays[*i as usize]).collect();
     let dropped = kept.iter().filter(|kept| !**kept).count();
     let share = 100.0 * dropped as f64 / kept.len() as f64;
     notes.push(format!("{dropped} stray points left out ({share:.2} %)"));
@@ -260,12 +260,12 @@ fn estimate(
     let share = |count: usize| if count == points { "all".to_owned() } else { format!("{count} of") };
     let distinct = Distinct::new(position);
     let mut signs = None;
-    let count = if normals_missing { normals::NEAREST } else { spacing::NEAREST };
+    let count = if normals_missing { variance::NEAREST } else { spacing::NEAREST };
     let neighbours = Neighbours::new(&distinct.position, count, progress);
     let least = |count: usize| count.min(distinct.position.len() - 1);
     if normals_missing {
         let estimated = normals::estimate(normal, &distinct, seen, &neighbours, progress);
-        let near = least(normals::NEAREST);
+        let near = least(variance::NEAREST);
         let backs = 100.0 * estimated.most_backs;
         let sides = if seen.is_known() {
             "turned to the scanners: both sides show".to_owned()

@@ -12,8 +12,6 @@ use super::radii;
 use super::sides::Discs;
 use super::variance::principal;
 
-/// Neighbours that a normal is estimated from.
-pub(super) const NEAREST: usize = 16;
 /// Points that one task handles.
 const CHUNK: usize = 4096;
 /// A neighbourhood is a line if its second variance is below this share of the first. (Positions are rounded to 2^-24
@@ -130,6 +128,7 @@ fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::model::variance::NEAREST;
     use proptest::prelude::*;
 
     /// A Fibonacci sphere of radius 1.

@@ -51,7 +51,7 @@ pub(super) fn estimate(radius: &mut [f32], cloud: &Distinct, neighbours: &Neighb
         return same_place(radius);
     }
     let spacing = spacing(&cloud.position, neighbours);
-    let strays = strays::find(&cloud.position, neighbours, &spacing);
+    let fog = strays::fog(&cloud.position, neighbours, &spacing);
     radius
         .par_iter_mut()
         .zip(&cloud.of)
@@ -59,9 +59,9 @@ pub(super) fn estimate(radius: &mut [f32], cloud: &Distinct, neighbours: &Neighb
         .map(|(r, &i)| {
             let (estimate, is_lone) = limited(&spacing, neighbours, i as usize);
             *r = estimate;
-            let fog = strays.as_ref().filter(|strays| strays.fog[i as usize]);
-            if let Some(strays) = fog {
-                *r = r.min((FACTOR * strays.median) as f32);
+            let fog = fog.as_ref().filter(|fog| fog.is_fog[i as usize]);
+            if let Some(fog) = fog {
+                *r = r.min((FACTOR * fog.median) as f32);
             }
             Estimated { count: 1, lone: usize::from(is_lone && fog.is_none()), fog: usize::from(fog.is_some()) }
         })

@@ -9,10 +9,8 @@ use rayon::prelude::*;
 
 use super::neighbours::Neighbours;
 use super::spacing::Spacing;
-use super::variance::flatness;
+use super::variance::{NEAREST, flatness};
 
-/// Neighbours that tell a surface.
-pub(super) const NEAREST: usize = 16;
 /// How many times the median spacing of the cloud a fog has, at the least.
 const THIN: f64 = 2.0;
 /// Share of the least variance of a neighbourhood in all of it, above which it is no surface. A plane has 0, an edge of
@@ -24,16 +22,15 @@ const THINNER: f64 = 6.0;
 /// How many times the median spacing of its neighbours a lone point has, at the least.
 const LONE: f64 = 4.0;
 
-/// Which distinct points are strays, and the median spacing of all.
-pub(super) struct Strays {
-    pub(super) fog: Vec<bool>,
-    pub(super) lone: Vec<bool>,
+/// Which distinct points are a fog, and the median spacing of all.
+pub(super) struct Fog {
+    pub(super) is_fog: Vec<bool>,
     /// Mean distance to the nearest neighbours, the median of all points, model units.
     pub(super) median: f64,
 }
 
-/// Finds the strays of a cloud; `None` without as many neighbours as tell a surface.
-pub(super) fn find(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacing]) -> Option<Strays> {
+/// Finds the fog of a cloud; `None` without as many neighbours as tell a surface.
+pub(super) fn fog(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacing]) -> Option<Fog> {
     if neighbours.count() < NEAREST || position.is_empty() {
         return None;
     }
@@ -45,6 +42,18 @@ pub(super) fn find(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacin
         let limit = NO_SURFACE * (THINNER / thinness).powi(2).min(1.0);
         thinness > THIN && flatness(position, i, neighbours.of(i)) > limit
     };
+    let seems: Vec<bool> = (0..position.len()).into_par_iter().map(is_fog).collect();
+    // Some of a fog looks flat by chance.
+    let among_fog = |i: usize| {
+        let near = &neighbours.of(i)[..NEAREST];
+        spacing[i].mean > THIN * median && 2 * near.iter().filter(|j| seems[**j as usize]).count() >= NEAREST
+    };
+    let is_fog = (0..position.len()).into_par_iter().map(|i| seems[i] || among_fog(i)).collect();
+    Some(Fog { is_fog, median })
+}
+
+/// Which distinct points are lone.
+fn lone(neighbours: &Neighbours, spacing: &[Spacing]) -> Vec<bool> {
     let is_lone = |i: usize| {
         let mut around = [0.0; NEAREST];
         let near = &neighbours.of(i)[..NEAREST];
@@ -52,15 +61,13 @@ pub(super) fn find(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacin
         let of_neighbours = *around.select_nth_unstable_by(NEAREST / 2, f64::total_cmp).1;
         spacing[i].mean > LONE * of_neighbours
     };
-    let seems: Vec<bool> = (0..position.len()).into_par_iter().map(is_fog).collect();
-    // Some of a fog looks flat by chance.
-    let among_fog = |i: usize| {
-        let near = &neighbours.of(i)[..NEAREST];
-        spacing[i].mean > THIN * median && 2 * near.iter().filter(|j| seems[**j as usize]).count() >= NEAREST
-    };
-    let fog = (0..position.len()).into_par_iter().map(|i| seems[i] || among_fog(i)).collect();
-    let lone = (0..position.len()).into_par_iter().map(is_lone).collect();
-    Some(Strays { fog, lone, median })
+    (0..spacing.len()).into_par_iter().map(is_lone).collect()
+}
+
+/// Which distinct points are strays of either kind; `None` as in [`fog`].
+pub(super) fn find(position: &[Vec3], neighbours: &Neighbours, spacing: &[Spacing]) -> Option<Vec<bool>> {
+    let fog = fog(position, neighbours, spacing)?.is_fog;
+    Some(fog.into_iter().zip(lone(neighbours, spacing)).map(|(fog, lone)| fog || lone).collect())
 }
 
 #[cfg(test)]
@@ -82,7 +89,7 @@ mod tests {
         let distinct = Distinct::new(points);
         let neighbours = Neighbours::new(&distinct.position, NEAREST, &|_, _| {});
         let strays = find(&distinct.position, &neighbours, &spacing(&distinct.position, &neighbours)).unwrap();
-        distinct.of.iter().map(|i| strays.fog[*i as usize] || strays.lone[*i as usize]).collect()
+        distinct.of.iter().map(|i| strays[*i as usize]).collect()
     }
 
     /// A floor and a wall that get four times as thin to their far ends, and a fog in the air between them.

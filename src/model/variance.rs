@@ -2,6 +2,9 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
+/// Neighbours that the shape of a surface around a point is told from.
+pub(super) const NEAREST: usize = 16;
+
 /// Share of the least variance of a point and its neighbours in all of their variance: 0 for a plane, at most 1/3.
 pub(super) fn flatness(position: &[Vec3], i: usize, near: &[u32]) -> f64 {
     principal(position, i, near).map_or(0.0, |(variance, _)| variance[0] / (variance[0] + variance[1] + variance[2]))

@@ -1,4 +1,5 @@
-//! What the readers of scans share: how many points a file may hold, which are taken, and greys of intensities.
+//! What the readers of scans share: how many points a file may hold, which are taken, greys of intensities, and a guard
+//! against panics of the libraries.
 
 use std::cell::Cell;
 use std::panic::{self, AssertUnwindSafe};

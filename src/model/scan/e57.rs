@@ -10,6 +10,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::common::{Thinning, check_count, grey, guarded};
+use super::refuse_classes;
 use crate::model::cloud::{Cloud, ColourStorage};
 use crate::model::error::ParseError;
 use crate::model::options::PointOptions;
@@ -123,9 +124,7 @@ pub(in crate::model) fn parse(
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Cloud, ParseError> {
     check_header(bytes, bytes.len() as u64)?;
-    if !options.classes.is_empty() {
-        return Err(ParseError::byte(0, "points without classes", "LAS or LAZ, as `classes` are named"));
-    }
+    refuse_classes(options)?;
     let open = || E57Reader::new(Cursor::new(bytes)).map_err(|why| fault(&why));
     let scans = guarded(|| open().map(|reader| reader.pointclouds())).unwrap_or_else(|| Err(odd()))?;
     scans.iter().try_for_each(check_columns)?;

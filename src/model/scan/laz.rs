@@ -33,14 +33,6 @@ pub(super) struct Chunk<'a> {
     pub(super) points: u64,
 }
 
-/// How points are packed, by the number in the file.
-enum Packing {
-    /// All points after one another.
-    Whole,
-    /// In chunks.
-    Chunked,
-}
-
 impl<'a> Chunks<'a> {
     /// Finds the chunks of a file.
     ///
@@ -69,17 +61,13 @@ impl<'a> Chunks<'a> {
         if extended != header.format.is_extended || coloured != header.format.has_color {
             return wrong(begin, "packed points of another format".to_owned(), "the format that the header names");
         }
-        let packing = match record.first_chunk() {
-            Some([1, 0]) => Packing::Whole,
-            Some([2 | 3, 0]) => Packing::Chunked,
-            _ => return wrong(begin, "an unknown way to pack points".to_owned(), "one of the numbers 1 to 3"),
-        };
-        let list = match packing {
-            Packing::Whole => {
-                let bytes = bytes.get(begin..).unwrap_or_default();
-                vec![Chunk { bytes, at: begin, points: header.points }]
+        let list = match record.first_chunk() {
+            // All points after one another.
+            Some([1, 0]) => {
+                vec![Chunk { bytes: bytes.get(begin..).unwrap_or_default(), at: begin, points: header.points }]
             }
-            Packing::Chunked => listed(header, bytes, &vlr)?,
+            Some([2 | 3, 0]) => listed(header, bytes, &vlr)?,
+            _ => return wrong(begin, "an unknown way to pack points".to_owned(), "one of the numbers 1 to 3"),
         };
         Ok(Self { list, items })
     }

@@ -36,15 +36,21 @@ pub(super) use self::las::parse as parse_las;
 /// # Errors
 /// Classes are asked for, which no other format has.
 pub(super) fn choose(cloud: &mut Cloud, options: &PointOptions) -> Result<(), ParseError> {
-    if !options.classes.is_empty() {
-        return Err(ParseError::byte(0, "points without classes", "LAS or LAZ, as `classes` are named"));
-    }
+    refuse_classes(options)?;
     let every = options.every.max(1) as usize;
     if every > 1 {
         let keep: Vec<bool> = (0..cloud.position.len()).map(|i| i % every == 0).collect();
         tidy::retain(cloud, &keep);
     }
     Ok(())
+}
+
+/// Refuses a choice of classes where points have none.
+fn refuse_classes(options: &PointOptions) -> Result<(), ParseError> {
+    if options.classes.is_empty() {
+        return Ok(());
+    }
+    Err(ParseError::byte(0, "points without classes", "LAS or LAZ, as `classes` are named"))
 }
 
 /// Refuses choices among points where a file has none.

@@ -6,7 +6,8 @@ use std::f64::consts::TAU;
 
 use super::*;
 use crate::model::neighbours::{Distinct, Neighbours};
-use crate::model::normals::{Estimated, NEAREST, Seen, estimate};
+use crate::model::normals::{Estimated, Seen, estimate};
+use crate::model::variance::NEAREST;
 
 /// Numbers uniform in 0..1, the same on every run (splitmix64).
 struct Dice(u64);
