@@ -249,9 +249,9 @@ impl Channels {
         let material = take(deferred && uniform.is_none(), 4);
         let reflection = take(deferred && frame.surroundings.is_some() && mirror.is_none(), 1);
         let mirror = mirror.unwrap_or_default();
-        let opaque = || frame.objects.iter().filter(|object| object.has_surfels() && !object.see_through);
-        let receives = take(deferred && frame.has_shadows() && !opaque().all(|object| object.receives), 1);
-        let catcher = take(deferred && opaque().any(|object| object.catcher), 1);
+        let mut surfels = frame.objects.iter().filter(|object| object.has_surfels());
+        let receives = take(deferred && frame.has_shadows() && !surfels.clone().all(|object| object.receives), 1);
+        let catcher = take(deferred && surfels.any(|object| object.catcher), 1);
         let all_held = frame.holds();
         let held = take(deferred && frame.has_shadows() && all_held.is_none(), 1);
         let all_held = all_held.unwrap_or(false);

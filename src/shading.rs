@@ -122,9 +122,22 @@ pub fn towards_point(light: [f32; 3], surface: [f32; 3]) -> ([f32; 3], f32) {
 
 /// Shades one surface point: `colour` linear, `normal` unit, `position` relative to the eye (view = -position).
 pub fn shade(lights: &[ShadingLight], material: &Material, colour: Vec3, normal: Vec3, position: Vec3) -> Vec3 {
+    shade_by(lights, material, colour, normal, position, |_, _| 1.0)
+}
+
+/// The same where not all light may reach the point. `reaching`: the share of a light, in [0, 1], by its index and the
+/// unit direction towards it.
+pub fn shade_by(
+    lights: &[ShadingLight],
+    material: &Material,
+    colour: Vec3,
+    normal: Vec3,
+    position: Vec3,
+    reaching: impl Fn(usize, Vec3) -> f32,
+) -> Vec3 {
     let view = (-position).normalize_or_zero().to_array();
     let mut out = Vec3::ZERO;
-    for light in lights {
+    for (number, light) in lights.iter().enumerate() {
         let (towards, radiance) = match *light {
             ShadingLight::Ambient { colour: la } => {
                 out += material.ambient * colour * la;
@@ -141,6 +154,7 @@ pub fn shade(lights: &[ShadingLight], material: &Material, colour: Vec3, normal:
             }
         };
         let (diffuse, specular) = lobes(normal.to_array(), towards, view, material.shininess);
+        let radiance = radiance * reaching(number, towards.into());
         out += radiance * (material.diffuse * diffuse * colour + material.specular * specular);
     }
     out

@@ -1,14 +1,15 @@
-// Includes: common/types common/views common/work common/fast common/srgb common/gaussian transparent/segment
-// Includes: shadows/lookup
-// A program of pass `project` of Gaussians: what shadows take from the colours of captures.
-// Twin: emission.rs of src/backend/cpu/transparent/.  Math: docs/math.md, eq. 54.
+// Includes: common/types common/views common/work common/fast common/srgb common/gaussian transparent/colour
+// Includes: shadows/lookup shadows/light
+// A program of pass `project` of Gaussians: what shadows take from the colours of captures, and the colours of lit
+// volumes on which shadows fall.
+// Twin: emission.rs of src/backend/cpu/transparent/.  Math: docs/math.md, section 17.
 //   in   segments, lights, maps, casters
-//        geometry    of captures
+//        geometry    of captures and volumes
+//        looks       of volumes
 //   out  gaussians   their colours
 // One invocation per Gaussian of a segment.
 
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
-@group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(32) var<storage, read_write> gaussians: array<DeviceGaussian>;
 
 // Are colours those of a display?
@@ -25,6 +26,11 @@ fn shadow_gaussians(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
     let bounds = unpack(gaussians[slot].bounds);
     if bounds.x > bounds.y { return; }
     let at = 3u * index;
+    if (segment.flags & FLAG_VOLUME) != 0u {
+        let own = colour_of(index, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+        gaussians[slot].colour = array<f32, 3>(own.x, own.y, own.z);
+        return;
+    }
     let place = apply(segment.world, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
     var all_light = vec3<f32>(0.0);
     var taken = vec3<f32>(0.0);
@@ -51,6 +57,13 @@ fn shadow_gaussians(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
     let own = gaussians[slot].colour;
     let shown = vec3<f32>(darkened(own[0], left.x), darkened(own[1], left.y), darkened(own[2], left.z));
     gaussians[slot].colour = array<f32, 3>(shown.x, shown.y, shown.z);
+}
+
+// The share of a light that reaches the centre of a kernel, at a place relative to the eye.
+fn reaching(light: Light, normal: vec3<f32>, place: vec3<f32>) -> f32 {
+    if light.colour.w == 0.0 { return 1.0; }
+    if !faces_light(light, normal, place) { return 0.0; }
+    return select(0.0, 1.0, is_lit(u32(light.colour.w) - 1u, place, false));
 }
 
 // The share of light that is left.

@@ -7,6 +7,8 @@
 // Least and greatest alpha of a Gaussian of a capture that counts.
 const LEAST_ALPHA: f32 = 0.003921569;
 const MOST_ALPHA: f32 = 0.99;
+// Least share of a kernel before or behind the place where it stops light.
+const LEAST_TAIL: f32 = 1e-6;
 const TAU: f32 = 6.2831853;
 const LOG2_E: f32 = 1.442695;
 
@@ -22,6 +24,11 @@ fn splat_of(index: u32, light: u32, of_light: LightView) -> Disc {
     let q = vec4<f32>(geometry[turn_at], geometry[turn_at + 1u], geometry[turn_at + 2u], geometry[turn_at + 3u]);
     let own = geometry[10u * segment.buffer_surfels + index];
     let centre = apply(segment.world, position);
+    var along = of_light.along;
+    if of_light.is_point {
+        let c = centre - of_light.origin;
+        along = c / sqrt(dot3(c, c));
+    }
     let first = vec3<f32>(
         1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z), 2.0 * (q.x * q.z - q.w * q.y),
     );
@@ -36,11 +43,6 @@ fn splat_of(index: u32, light: u32, of_light: LightView) -> Disc {
         apply_linear(segment.world, second) * sigma.y,
         apply_linear(segment.world, third) * sigma.z,
     );
-    var along = of_light.along;
-    if of_light.is_point {
-        let c = centre - of_light.origin;
-        along = c / sqrt(dot3(c, c));
-    }
     // Two axes across the rays (Duff et al. 2017).
     let turned_z = select(1.0, -1.0, (bitcast<u32>(along.z) >> 31u) == 1u);
     let a = -1.0 / (turned_z + along.z);
@@ -52,8 +54,12 @@ fn splat_of(index: u32, light: u32, of_light: LightView) -> Disc {
     let xx = dot3(x, x);
     let xy = dot3(x, y);
     // The square of a vector product: the difference of products would cancel for long thin ones.
-    let across = cross(x, y);
-    let area = sqrt(dot3(across, across));
+    let normal = cross(x, y);
+    let area = sqrt(dot3(normal, normal));
+    let root = sqrt(xx);
+    var u = right * root + up * (xy / root);
+    var v = up * (area / root);
+    var stopped_at = centre;
     let object = segment.first_surfel;
     let seed = mixed(u32(lights[slice_at(light, 0u, 0u)].colour.w) ^ mixed(object));
     let drawn = chance(segment.first_light, mixed(segment.buffer_start + index) ^ seed);
@@ -65,18 +71,35 @@ fn splat_of(index: u32, light: u32, of_light: LightView) -> Disc {
     } else {
         // Its volume over that in the model.
         let depth = opacity * segment.normal[1].w / (TAU * area);
+        // On rays beside the centre the kernel has its middle nearer or farther.
+        let seen = vec3<f32>(dot3(axes[0], along), dot3(axes[1], along), dot3(axes[2], along));
+        u += along * (dot3(seen, x) / root);
+        v += along * (dot3(seen, cross(normal, x)) / (area * root));
+        let place = deviations(depth, chance(segment.first_light, mixed(~(segment.buffer_start + index)) ^ seed));
+        stopped_at += along * (place * abs(dot3(cross(axes[0], axes[1]), axes[2])) / area);
         let least = log_of_two(1.0 - drawn) / -LOG2_E;
         if depth > least && least > 0.0 { radius = radius_of(depth / least); }
     }
     if !(radius > 0.0) { return nothing; }
-    let root = sqrt(xx);
-    let u = (right * root + up * (xy / root)) * radius;
-    let v = up * (area / root * radius);
-    if !(all_finite(centre) && all_finite(u) && all_finite(v)) { return nothing; }
-    return Disc(centre, u, v);
+    u *= radius;
+    v *= radius;
+    if !(all_finite(stopped_at) && all_finite(u) && all_finite(v)) { return nothing; }
+    return Disc(stopped_at, u, v);
 }
 
 // The distance from its peak at which a Gaussian is lower by a factor, in standard deviations.
 fn radius_of(factor: f32) -> f32 {
     return sqrt(log_of_two(factor) * (2.0 / LOG2_E));
+}
+
+// Where a kernel of this optical depth stops light that it does stop, in standard deviations from its middle on the
+// ray. `drawn`: the share of that light that it stops before. Twin: deviations of src/backend/cpu/shadows/splats.rs.
+fn deviations(depth: f32, drawn: f32) -> f32 {
+    let stopped = 1.0 - power_of_two(-LOG2_E * depth);
+    let passed = log_of_two(1.0 - drawn * stopped) / (-LOG2_E * depth);
+    let tail = max(min(passed, 1.0 - passed), LEAST_TAIL);
+    // Abramowitz and Stegun, 26.2.23.
+    let t = sqrt(log_of_two(tail) * (-2.0 / LOG2_E));
+    let below = (2.515517 + t * (0.802853 + t * 0.010328)) / (1.0 + t * (1.432788 + t * (0.189269 + t * 0.001308)));
+    return select(t - below, below - t, passed < 0.5);
 }

@@ -1,4 +1,4 @@
-// Includes: common/types common/views common/fast common/shading common/unshadowed common/environment common/channels
+// Includes: common/types common/views common/fast common/shading common/environment common/channels
 // Includes: common/depths common/wanted resolve
 // See-through surfels: what makes layers of the passes of full EWA, which peel them off front to back.
 // Twins: src/backend/cpu/transparent/see_through/, whose `cover.rs` says what a cover is.  Math: docs/math.md,

@@ -292,10 +292,11 @@ impl Frame {
         self.objects.iter().any(|object| object.see_through)
     }
 
-    /// Do the Gaussians of an object keep light from anything that shadows fall on? Those of captures do from surfels
-    /// alone: the colours of captures were photographed in their own shadows.
+    /// Do the Gaussians of an object keep light from anything that shadows fall on? Those of captures do from all but
+    /// captures, whose colours were photographed in their own shadows.
     pub fn casts_splats(&self, object: &FrameObject) -> bool {
-        let receives = |other: &FrameObject| other.receives && (object.is_volume() || other.has_surfels());
+        let is_capture = |other: &FrameObject| other.drawn().is_some() && !other.is_volume();
+        let receives = |other: &FrameObject| other.receives && (object.is_volume() || !is_capture(other));
         object.cast_shadows && object.drawn().is_some() && self.objects.iter().any(receives)
     }
 
@@ -355,9 +356,9 @@ impl Frame {
         rolls && self.all_samples().any(|sample| sample.objects.iter().any(|object| object.moves))
     }
 
-    /// Are there opaque surfels of held objects, and others' or none? `None`: both are there.
+    /// Are there surfels of held objects, and others' or none? `None`: both are there.
     pub fn holds(&self) -> Option<bool> {
-        let mut held = self.objects.iter().filter(|o| o.has_surfels() && !o.see_through).map(|o| o.is_held);
+        let mut held = self.objects.iter().filter(|object| object.has_surfels()).map(|object| object.is_held);
         let first = held.next().unwrap_or(false);
         held.all(|is_held| is_held == first).then_some(first)
     }
@@ -425,11 +426,11 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool, camer
     let two_sided = options.look.two_sided || surface.two_sided;
     let catcher = object.shadow_catcher && object.has_opaque_surfels();
     let is_held = !object.blur && !camera_rests;
-    // Volumes and see-through surfels are lit without shadows. A held capture is elsewhere than its splats are shown.
-    let has_none = match object.shape {
-        Shape::Volume { .. } => true,
+    // A held capture or volume is elsewhere than its splats are shown. A volume without normals shows light of its own.
+    let has_none = match &object.shape {
+        Shape::Volume { model, .. } => is_held || model.gaussians().normal.is_empty(),
         Shape::Gaussians { .. } => is_held,
-        Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => object.is_see_through(),
+        Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere { .. } => false,
     };
     FrameObject {
         shape: object.shape.clone(),

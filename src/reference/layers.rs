@@ -64,7 +64,7 @@ impl Surfaces {
             });
             let (layer, behind) = rest.split_at_mut(rest.partition_point(|hit| hit.depth <= limit));
             rest = behind;
-            let Some(seen) = tracer.surface(lane, layer, false) else { break };
+            let Some(seen) = tracer.surface(lane, layer) else { break };
             self.layers.push(RayLayer { seen, opacity: tracer.opacity(layer), limit });
         }
         self.cut += u64::from(!rest.is_empty());

@@ -153,6 +153,12 @@ impl LightNumbers {
         let [a, b, c] = sobol3(owen_scramble(self.k, hash(seed, 3)));
         [(a, 0), (b, 1), (c, 2)].map(|(x, d)| fraction(owen_scramble(x, hash(seed, d))))
     }
+
+    /// A random number in (0, 1) for kernel `kernel` of volume `volume`.
+    pub(super) fn of_kernel(self, volume: usize, kernel: u32) -> f64 {
+        let seed = pair(self.seed, 1 << 46 | volume as u64);
+        fraction(hash(pair(seed, u64::from(kernel)), u64::from(self.k)))
+    }
 }
 
 /// Side of the grid of positions: among all sides whose square divides `n`, the one nearest to the cube root of `n`, by

@@ -298,12 +298,15 @@ impl<'w, 'a> Shadows<'w, 'a> {
             }
         }
         let mut hits = std::mem::take(&mut self.found[0].hits);
-        hits.sort_unstable_by(|a, b| b.depth.total_cmp(&a.depth));
         let tolerance = |hit: &Hit| {
             let caster = (self.opaque..self.surfaces).find(|&caster| self.casters[caster] == hit.object as usize);
             let pose = caster.and_then(|caster| self.poses[caster]);
             pose.map_or(0.0, |(pose, _)| pose.epsilon).max(LEAST_EPSILON * hit.depth)
         };
+        // Nearer than its tolerance an object of the place is the layer of the place.
+        let is_of_place = |hit: &Hit| at.hits.iter().any(|own| own.object == hit.object);
+        hits.retain(|hit| !is_of_place(hit) || hit.depth > tolerance(hit));
+        hits.sort_unstable_by(|a, b| b.depth.total_cmp(&a.depth));
         let (mut share, mut rest) = (1.0, &hits[..]);
         for _ in 0..MOST_LAYERS {
             let end = rest.iter().map(|hit| hit.depth - tolerance(hit)).fold(f64::NEG_INFINITY, f64::max);

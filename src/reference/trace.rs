@@ -194,14 +194,13 @@ impl<'w, 'a> Tracer<'w, 'a> {
     pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
         let mut hits = std::mem::take(&mut self.found[lane].hits);
         hits.retain(|hit| self.shows(lane, hit));
-        let seen = self.surface(lane, &mut hits, true);
+        let seen = self.surface(lane, &mut hits);
         self.found[lane].hits = hits;
         seen
     }
 
-    /// One surface of a lane: the weighted mean of `hits`, shaded; `None` without hits. The hits are sorted. Shadows
-    /// fall on it if it `receives` them.
-    pub(super) fn surface(&mut self, lane: usize, hits: &mut [Hit], receives: bool) -> Option<Seen> {
+    /// One surface of a lane: the weighted mean of `hits`, shaded; `None` without hits. The hits are sorted.
+    pub(super) fn surface(&mut self, lane: usize, hits: &mut [Hit]) -> Option<Seen> {
         if hits.is_empty() {
             return None;
         }
@@ -229,7 +228,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     let (place, normal, eye) = (surface.centre(target), surface.normal, target.eye);
                     let position = (place - eye).as_vec3();
                     let lights = match &mut shadows {
-                        Some(shadows) if receives && body.object.receive_shadows => {
+                        Some(shadows) if body.object.receive_shadows => {
                             shadows.reaching(&Receiver { place, normal, eye, own: hit.object, hits })
                         }
                         Some(shadows) => shadows.all(),
@@ -241,8 +240,8 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 }
             };
             weight += w;
-            unshadowed += if receives && body.object.receive_shadows { 0.0 } else { w };
-            if receives && body.object.shadow_catcher {
+            unshadowed += if body.object.receive_shadows { 0.0 } else { w };
+            if body.object.shadow_catcher && !body.see_through {
                 caught += w;
             } else {
                 colour += w * c.as_dvec3();

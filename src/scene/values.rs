@@ -289,8 +289,8 @@ pub struct Object {
     pub detail: Detail,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
-    /// Do shadows fall on it? On opaque surfels, and on captures: their colours are multiplied by the ratio of the
-    /// light that reaches them to all light. Volumes and see-through surfels receive none.
+    /// Do shadows fall on it? On surfels, on volumes that have normals, and on captures: their colours are multiplied
+    /// by the ratio of the light that reaches them to all light.
     pub receive_shadows: bool,
     /// It is not seen itself: its opaque surfels show the light that shadows take away, as black with the alpha
     /// 1 - lit / unlit, and hide what is behind them.

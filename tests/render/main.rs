@@ -36,6 +36,7 @@ mod sky;
 mod static_objects;
 mod symmetries;
 mod tolerances;
+mod transparent_receivers;
 mod velocities;
 mod volumes;
 mod waste;

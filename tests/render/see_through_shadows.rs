@@ -42,7 +42,7 @@ fn below(discs: Vec<Object>) -> Scene {
 }
 
 /// Mean light on the floor in a square of 5 x 5 pixels about (x, 0).
-fn light_at(picture: &Picture, x: f64) -> f64 {
+pub(crate) fn light_at(picture: &Picture, x: f64) -> f64 {
     let pixel = 2.0 * crate::shadows::half_height() / f64::from(picture.height);
     let column = (x / pixel + 0.5 * f64::from(picture.width)).round() as usize;
     let (width, middle) = (picture.width as usize, picture.height as usize / 2);
@@ -56,7 +56,7 @@ fn worst_error(samples: u32) -> f64 {
 }
 
 /// The standard error of a mean over so many samples, each of which light reaches with this probability.
-fn binomial(share: f64, samples: u32) -> f64 {
+pub(crate) fn binomial(share: f64, samples: u32) -> f64 {
     (share * (1.0 - share) / f64::from(samples)).sqrt()
 }
 

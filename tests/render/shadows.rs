@@ -55,7 +55,7 @@ fn render(on: &mut dyn Backend, scene: &Scene, options: &RenderOptions) -> Pictu
 }
 
 /// White, without lobes but the diffuse one.
-const WHITE: Material = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
+pub(crate) const WHITE: Material = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
 
 pub(crate) fn white(model: Surfels) -> Object {
     let mut object = object(model.spatially_ordered());

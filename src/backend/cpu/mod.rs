@@ -380,7 +380,9 @@ impl Executor<'_> {
         let scope = self.place.scope(group, self.place.band);
         let (chunks, at_rest) = chunks(frame, scope.group, true);
         let tiles = if chunks.is_empty() { 0 } else { scope.band.len() };
-        let Memory { filtered, buffers, transparent, .. } = &mut *self.memory;
+        let Memory { filtered, buffers, transparent, shadows, .. } = &mut *self.memory;
+        // As in `composite`.
+        let shadows = frame.has_shadows().then_some(&*shadows);
         let TransparentMemory { opaque, layers, .. } = transparent;
         layers.iter_mut().for_each(Vec::clear);
         layers.resize_with(tiles, Vec::new);
@@ -392,7 +394,7 @@ impl Executor<'_> {
         filtered.at_rest = 0;
         let raster = scope.raster.for_see_through(frame.prefilter);
         let channels = scope.channels.with_opacity();
-        let work = SeeThroughGroup { scope: Scope { raster: &raster, channels: &channels, ..scope }, opaque };
+        let work = SeeThroughGroup { scope: Scope { raster: &raster, channels: &channels, shadows, ..scope }, opaque };
         let passes = &LayerPass::order(frame.has_layers(true));
         let splat_bytes = self.budget.splat_bytes;
         TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }.run(

@@ -98,11 +98,11 @@ impl<'a> JobPlace<'a> {
 }
 
 impl Job<'_> {
-    /// Do its surfels receive shadows? See-through ones do not, nor is anything shaded on the map of an interval.
+    /// Do its surfels receive shadows? Nothing is shaded on the map of an interval.
     pub(in crate::backend) fn is_shadowed(&self) -> bool {
         let prepared = self.place.prepared;
         let is_map = prepared.frame.swept.is_some() && self.interval.is_none();
-        prepared.schedule.shadows.lights > 0 && !self.see_through && !is_map
+        prepared.schedule.shadows.lights > 0 && !is_map
     }
 
     /// What all of its views have, alone in their round. `entries`: those that there is room for.

@@ -66,6 +66,7 @@ pub(in crate::backend) enum Program {
     ShadowGaussians,
     ShadowedValues,
     ShadowedResolve,
+    ShadowedPeelResolve,
 }
 
 /// What workgroups of a program are for.
@@ -191,7 +192,7 @@ use Slot::{
 };
 
 /// All passes, in the order of [`Program`].
-pub(in crate::backend) static TABLE: [Row; 46] = [
+pub(in crate::backend) static TABLE: [Row; 47] = [
     Row {
         kernels: KERNELS,
         ..row(
@@ -441,7 +442,7 @@ pub(in crate::backend) static TABLE: [Row; 46] = [
     row(
         (Program::PeelStart, "peel_start", Stage::Visibility),
         ("transparent/see_through/cover.rs", "start"),
-        &[file!("transparent/peel.wgsl")],
+        &[file!("common/unshadowed.wgsl"), file!("transparent/peel.wgsl")],
         Per::Tile,
         &[Thresholds, Wanted],
         &[Film, Peeled],
@@ -449,7 +450,7 @@ pub(in crate::backend) static TABLE: [Row; 46] = [
     row(
         (Program::PeelResolve, "peel_resolve", Stage::Resolve),
         ("transparent/see_through/resolve.rs", "resolve"),
-        &[file!("transparent/peel.wgsl")],
+        &[file!("common/unshadowed.wgsl"), file!("transparent/peel.wgsl")],
         Per::Tile,
         &[Lights, Sums, Environment],
         &[Film, Peeled],
@@ -457,7 +458,7 @@ pub(in crate::backend) static TABLE: [Row; 46] = [
     row(
         (Program::PeelLeftOut, "peel_left_out", Stage::Visibility),
         ("transparent/see_through/cover.rs", "left_out"),
-        &[file!("transparent/peel.wgsl")],
+        &[file!("common/unshadowed.wgsl"), file!("transparent/peel.wgsl")],
         Per::Tile,
         &[],
         &[Status, Peeled],
@@ -531,7 +532,7 @@ pub(in crate::backend) static TABLE: [Row; 46] = [
         ("transparent/emission.rs", "light_left"),
         &[file!("shadows/gaussians.wgsl")],
         Per::Surfels,
-        &[Geometry, Lights, CaptureSegments, ShadowMaps, Casters],
+        &[Geometry, Looks, Lights, CaptureSegments, ShadowMaps, Casters],
         &[Gaussians],
     ),
     row(
@@ -549,6 +550,14 @@ pub(in crate::backend) static TABLE: [Row; 46] = [
         Per::Tile,
         &[Lights, Thresholds, Sums, Environment, Starts, ShadowMaps, Casters],
         &[Film],
+    ),
+    row(
+        (Program::ShadowedPeelResolve, "peel_resolve", Stage::Resolve),
+        ("transparent/see_through/resolve.rs", "resolve"),
+        &[file!("shadows/of_pixels.wgsl"), file!("transparent/peel.wgsl")],
+        Per::Tile,
+        &[Lights, Sums, Environment, ShadowMaps, Casters],
+        &[Film, Peeled],
     ),
 ];
 

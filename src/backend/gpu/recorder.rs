@@ -12,7 +12,7 @@ use super::memory::LONG;
 use super::passes::{Per, Program};
 use super::prepared::Prepared;
 use super::shadow_sizes::DRAWING;
-use super::shadows::shades_captures;
+use super::shadows::shades_gaussians;
 use super::slots::Slot;
 use super::steps::{DevicePass, Kind, SHADOW_LAYER, SHADOWS};
 use super::timestamps::{Marks, Stage};
@@ -107,7 +107,7 @@ impl<'a> Recorder<'a> {
         passes: &[P],
     ) -> Result<(), BackendError> {
         let Some(first) = batches.first() else { return Ok(()) };
-        if of.0.is_shadowed() && self.binder.prepared.schedule.shadows.lights > 0 {
+        if of.0.draws_shadows() && self.binder.prepared.schedule.shadows.lights > 0 {
             self.shadows(first)?;
         }
         let mut at_hand = None;
@@ -154,9 +154,9 @@ impl<'a> Recorder<'a> {
         self.programs((Kind::Peel, 0), &SHADOW_LAYER.repeat(first.shadow_layers), first)
     }
 
-    /// May shadows fall on captures?
-    pub(in crate::backend) fn shades_captures(&self) -> bool {
-        shades_captures(self.binder.prepared)
+    /// May shadows fall on captures or volumes?
+    pub(in crate::backend) fn shades_gaussians(&self) -> bool {
+        shades_gaussians(self.binder.prepared)
     }
 
     /// Records a pass that makes the splats of a batch, or their lists.

@@ -11,7 +11,7 @@ use super::layout::{
 };
 use super::memory::makes_rounds;
 use super::prepared::Prepared;
-use super::shadows::shades_captures;
+use super::shadows::shades_transparent;
 use super::transparent::TransparentStep;
 use super::upload::{Placed, Upload};
 use crate::plan::{Published, Step};
@@ -365,7 +365,7 @@ impl<'a> OverGroup<'a> {
         let GroupSurfels { opaque, see_through } = self.surfels;
         // Shadows of what is out of view are drawn with surfels, though there are none to paint.
         let or_none = |(job, batches): (Job<'a>, Vec<Batch>)| {
-            let none = batches.is_empty() && shades_captures(job.place.prepared);
+            let none = batches.is_empty() && shades_transparent(job.place.prepared);
             (job, if none { vec![Batch::default()] } else { batches })
         };
         let placed = [place(opaque.map(or_none)), place(see_through)];
@@ -380,7 +380,7 @@ impl<'a> OverGroup<'a> {
             let some = shades || groups.iter().any(|(_, batch, _)| batch.slots > 0);
             some.then(|| chunk.upload.place_round(groups, entries)).into_iter().collect()
         };
-        let placed = place(opaque, shades_captures(all[0].job.place.prepared));
+        let placed = place(opaque, shades_transparent(all[0].job.place.prepared));
         let jobs: Vec<_> = all.iter().map(|over| over.job).collect();
         let layers: Vec<_> = (0..)
             .zip(all)

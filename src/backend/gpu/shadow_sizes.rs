@@ -36,6 +36,11 @@ pub(in crate::backend) fn casts_in_layers(object: &FrameObject) -> bool {
     object.see_through && object.cast_shadows && object.has_surfels()
 }
 
+/// Do the surfels of an object receive or cast shadows?
+pub(in crate::backend) const fn takes_part(object: &FrameObject) -> bool {
+    !object.see_through || object.cast_shadows || object.receives
+}
+
 /// What the shadows of a group take; nothing where no light has any.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::backend) struct ShadowSizes {
@@ -69,8 +74,7 @@ impl ShadowSizes {
             return Err(BackendError::Shadows { what, instead: "the CPU (`--backend cpu`)" });
         }
         let faces = if shadows().any(|light| matches!(light, ShadingLight::Point { .. })) { FACES } else { 1 };
-        let takes_part = |object: &&FrameObject| !object.see_through || object.cast_shadows;
-        let models = frame.objects.iter().filter(takes_part).filter_map(|o| o.shape.surfels());
+        let models = frame.objects.iter().filter(|object| takes_part(object)).filter_map(|o| o.shape.surfels());
         let surfels: u64 = models.map(|model| model.surfels().len() as u64).sum();
         let captures =
             frame.objects.iter().filter(|object| frame.casts_splats(object)).filter_map(|o| o.shape.gaussians());

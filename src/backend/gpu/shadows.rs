@@ -7,7 +7,7 @@ use glam::{DVec3, Mat3, Vec3};
 use super::job::Job;
 use super::layout::{CaptureSegment, Light, Segment, harmonics, lights, rows};
 use super::prepared::Prepared;
-use super::shadow_sizes::{CASTERS_OF_GAUSSIAN, casts_in_layers};
+use super::shadow_sizes::{CASTERS_OF_GAUSSIAN, casts_in_layers, takes_part};
 use crate::backend::cpu::shadows::fit::{Slice, margin, wanted};
 use crate::backend::cpu::shadows::splats::seed_of_light;
 use crate::backend::cpu::shadows::view::LightView;
@@ -72,18 +72,28 @@ pub(in crate::backend) fn light_views(job: &Job<'_>) -> Vec<Light> {
     out
 }
 
-/// May shadows fall on captures?
-pub(in crate::backend) fn shades_captures(prepared: &Prepared<'_>) -> bool {
-    let receives = |object: &FrameObject| object.receives && object.drawn().is_some();
+/// May shadows fall on captures or volumes?
+pub(in crate::backend) fn shades_gaussians(prepared: &Prepared<'_>) -> bool {
+    shades(prepared, |object| object.drawn().is_some())
+}
+
+/// May shadows fall on anything that is laid over opaque surfels?
+pub(in crate::backend) fn shades_transparent(prepared: &Prepared<'_>) -> bool {
+    shades(prepared, |object| object.drawn().is_some() || object.see_through)
+}
+
+/// May shadows fall on any object of these?
+fn shades(prepared: &Prepared<'_>, is_one: fn(&FrameObject) -> bool) -> bool {
     let shadows = &prepared.schedule.shadows;
+    let receives = |object: &FrameObject| object.receives && is_one(object);
     shadows.lights > 0 && shadows.casters > 0 && prepared.frame.objects.iter().any(receives)
 }
 
-/// The captures on which shadows fall at the sample of a group, with the object and Gaussian buffer of each segment.
+/// The captures and volumes on which shadows fall at the sample of a group, with the object and Gaussian buffer of each segment.
 pub(in crate::backend) fn receiver_segments(job: &Job<'_>) -> Vec<(CaptureSegment, usize, usize)> {
     let prepared = job.place.prepared;
     let mut out = Vec::new();
-    if job.see_through || !shades_captures(prepared) {
+    if job.see_through || !shades_gaussians(prepared) {
         return out;
     }
     let sample = &job.group.samples[job.group.samples.len() / 2];
@@ -122,7 +132,8 @@ pub(in crate::backend) fn layers(job: &Job<'_>) -> usize {
 }
 
 /// What receives or casts shadows at the sample of a group, with the object and buffer of each segment: opaque surfels,
-/// Gaussians, and see-through surfels. Their slots are numbers of casters.
+/// Gaussians, and see-through surfels; of a job of see-through surfels, which draws no maps, those alone. Their slots
+/// are numbers of casters.
 pub(in crate::backend) fn caster_segments(job: &Job<'_>) -> Vec<(Segment, usize, usize)> {
     let prepared = job.place.prepared;
     let mut out = Vec::new();
@@ -132,11 +143,12 @@ pub(in crate::backend) fn caster_segments(job: &Job<'_>) -> Vec<(Segment, usize,
     let sample = &job.group.samples[job.group.samples.len() / 2];
     let frame = prepared.frame;
     let visible = |is_static, see_through| frame.visible_surfels(sample, is_static, see_through);
-    let casts = |(object, _): &(usize, &SurfelModel)| frame.objects[*object].cast_shadows;
-    let opaque = visible(true, false).chain(visible(false, false)).map(|(object, _)| object);
-    let veils = visible(true, true).chain(visible(false, true)).filter(casts).map(|(object, _)| object);
-    let splats =
-        (0..frame.objects.len()).filter(|&at| sample.objects[at].visible && frame.casts_splats(&frame.objects[at]));
+    let takes_part = |(object, _): &(usize, &SurfelModel)| takes_part(&frame.objects[*object]);
+    let others = !job.see_through;
+    let opaque = visible(true, false).chain(visible(false, false)).filter(|_| others).map(|(object, _)| object);
+    let veils = visible(true, true).chain(visible(false, true)).filter(takes_part).map(|(object, _)| object);
+    let casts = |&at: &usize| others && sample.objects[at].visible && frame.casts_splats(&frame.objects[at]);
+    let splats = (0..frame.objects.len()).filter(casts);
     let mut casters = 0;
     for object in opaque.chain(splats).chain(veils) {
         let (posed, of_frame) = (&sample.objects[object], &frame.objects[object]);
@@ -172,7 +184,7 @@ fn flags(all: &[(bool, u32)]) -> u32 {
 fn of_surfels(posed: &PosedObject, object: &FrameObject) -> Segment {
     let surfels = object.shape.surfels_or_none();
     let flags = flags(&[
-        (!object.see_through, IS_RECEIVER),
+        (object.receives, IS_RECEIVER),
         (object.material.is_none() && !surfels.material.is_empty(), HAS_MATERIALS),
         (!surfels.opacity.is_empty(), HAS_OPACITIES),
         (object.cast_shadows, CASTS),

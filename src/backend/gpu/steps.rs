@@ -30,8 +30,8 @@ pub(in crate::backend) enum Kind {
 }
 
 impl Kind {
-    /// Do its surfels receive shadows?
-    pub(super) const fn is_shadowed(self) -> bool {
+    /// Are the shadow maps of its groups drawn before it?
+    pub(super) const fn draws_shadows(self) -> bool {
         matches!(self, Self::Paint | Self::Sweep | Self::Published)
     }
 
@@ -124,14 +124,17 @@ impl DevicePass for PaintPass {
 }
 
 impl DevicePass for LayerPass {
-    fn programs(self, _frame: &Frame, _batch: &Placed, batches: usize) -> Vec<Program> {
+    fn programs(self, frame: &Frame, _batch: &Placed, batches: usize) -> Vec<Program> {
         match self {
             Self::Start => vec![Program::PeelStart],
             Self::Visibility(_) => vec![Program::Visibility, Program::VisibilityEntries],
             Self::Second(_) => vec![Program::Second],
             // The values of one batch stay from layer to layer.
             Self::Attribute(1..) if batches == 1 => vec![Program::Attribute],
-            Self::Attribute(_) => vec![Program::SplatValues, Program::Attribute],
+            Self::Attribute(_) => [splat_values(frame), vec![Program::Attribute]].concat(),
+            Self::Resolve(_) if frame.shading == Shading::Phong && frame.has_shadows() => {
+                vec![Program::ShadowedPeelResolve]
+            }
             Self::Resolve(_) => vec![Program::PeelResolve],
             Self::LeftOut => vec![Program::PeelLeftOut],
         }

@@ -66,6 +66,7 @@ pub(super) const FILES: &[File] = files![
     "shadows/stamp.wgsl",
     "swept/slices.wgsl",
     "swept/sums.wgsl",
+    "transparent/colour.wgsl",
     "transparent/segment.wgsl",
 ];
 

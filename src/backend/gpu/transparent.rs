@@ -22,7 +22,7 @@ use super::passes::Program;
 #[cfg(test)]
 use super::prepared::Prepared;
 use super::recorder::Recorder;
-use super::shadows::shades_captures;
+use super::shadows::shades_gaussians;
 use super::slots::Slot;
 use super::steps::Kind;
 #[cfg(test)]
@@ -62,10 +62,11 @@ fn segment(
     let antialias = drawing.antialias.unwrap_or(gaussians.antialiased);
     let encode = gaussians.linear && frame.blending == Some(Blending::Coded);
     let (volume, lit) = (object.is_volume(), !gaussians.normal.is_empty());
-    // All samples have the shadows of the middle.
-    let receives = object.receives && shades_captures(place.prepared);
-    let middle = &group.samples[group.samples.len() / 2].objects[run.object];
-    let shaded = if receives { middle } else { posed };
+    // All samples have the shadows of the middle, and a volume on which shadows fall is lit as there.
+    let receives = object.receives && shades_gaussians(place.prepared);
+    let middle = group.samples.len() / 2;
+    let shaded = if receives { &group.samples[middle].objects[run.object] } else { posed };
+    let lit_at = if receives { middle } else { sample };
     let flags = [
         (antialias, FLAG_ANTIALIAS),
         (encode, FLAG_ENCODE),
@@ -98,10 +99,10 @@ fn segment(
         harmonics_used: ((degree + 1).pow(2) - 1) as u32,
         area: posed.screen_from_model.determinant().abs() * (LOG2_E / TAU),
         layer: layer(frame, group),
-        normal: rows(&posed.normal_matrix, Vec3::ZERO),
+        normal: rows(&shaded.normal_matrix, Vec3::ZERO),
         world: rows(&shaded.world_from_model, shaded.world_origin),
         material: coefficients(object.material.unwrap_or_default()),
-        first_light: light + (sample * lights) as u32,
+        first_light: light + (lit_at * lights) as u32,
         lights: lights as u32,
         ..CaptureSegment::zeroed()
     }
@@ -161,7 +162,7 @@ impl<'a> Part<'a> {
     fn new(job: Job<'a>, upload: &mut Upload) -> Self {
         let (runs, slots) = runs(job.place.prepared, job.group);
         let light = upload.add_lights(&job.group.samples);
-        let shadowed = if shades_captures(job.place.prepared) { upload.add_light_views(&job) } else { None };
+        let shadowed = if shades_gaussians(job.place.prepared) { upload.add_light_views(&job) } else { None };
         Self { job, runs, slots, light, shadowed }
     }
 
@@ -223,7 +224,7 @@ impl TransparentStep {
 /// Records pass `project`.
 fn project(recorder: &mut Recorder<'_>, placed: &Placed) -> Result<(), BackendError> {
     recorder.record_batch(Kind::Sorted, BatchPass::Project, placed)?;
-    if recorder.shades_captures() {
+    if recorder.shades_gaussians() {
         recorder.programs((Kind::Sorted, 0), &[Program::ShadowGaussians], placed)?;
     }
     Ok(())

@@ -91,6 +91,9 @@ fn cases() -> Vec<Case> {
         case("casting capture", &[lamp, sun], Shading::Phong, Prefilter::None),
         case("casting volume", &[sun, lamp], Shading::Phong, Prefilter::None),
         case("both captures", &[fill, sun, lamp], Shading::Phong, Prefilter::None),
+        in_mode("lit volume", "bucket:2x3", &[fill, lamp, sun], Shading::Phong, Prefilter::None),
+        in_mode("layers, surfels", "bucket:2x3", &[fill, sun, lamp], Shading::Gouraud, Prefilter::None),
+        case("deaf glass", &[sun, lamp], Shading::Phong, Prefilter::None),
     ];
     for (name, motion) in [("capture", DVec3::ZERO), ("capture, bucket", DVec3::new(0.1, 0.0, 0.3))] {
         let case = case_of(&mut cases, name);
@@ -132,6 +135,7 @@ fn cases() -> Vec<Case> {
         held("surfels, bucket", "bucket:2x4", Shading::Gouraud, [true; 3]),
         held("held", "supersample:2", Shading::Phong, [false, true, true]),
         held("held, all", "supersample:2", Shading::Phong, [false; 3]),
+        held("held glass", "supersample:2", Shading::Phong, [false, true, true]),
         held("held, surfels", "bucket:2x3", Shading::Gouraud, [false, true, false]),
         held("held, swept", "volumetric:2", Shading::Gouraud, [true, false, true]),
     ]);
@@ -156,7 +160,25 @@ fn cases() -> Vec<Case> {
 
 /// What light passes through throws shadows in some cases.
 fn add_casters(cases: &mut [Case]) {
-    case_of(cases, "glass").scene.objects[1].opacity = 0.5;
+    for (name, opacities) in [
+        ("glass", [1.0, 0.5, 1.0]),
+        ("layers, surfels", [1.0, 0.4, 0.7]),
+        ("deaf glass", [1.0, 0.5, 0.6]),
+        ("held glass", [0.9, 0.5, 0.6]),
+    ] {
+        let objects = &mut case_of(cases, name).scene.objects;
+        objects.iter_mut().zip(opacities).for_each(|(object, opacity)| object.opacity = opacity);
+    }
+    case_of(cases, "deaf glass").scene.objects[1].receive_shadows = false;
+    // A volume on which a ball and a capture throw shadows, and each of its Gaussians.
+    let objects = &mut case_of(cases, "lit volume").scene.objects;
+    objects[1].shape = volume(200, 5, 0.1, true).into();
+    objects[2].transform.translate = DVec3::new(-0.4, 1.0, -1.2);
+    objects[2].transform.scale = DVec3::splat(0.3);
+    let mut above = Object::new(Shape::from(cloud(200, 4, 0, true)));
+    above.transform.translate = DVec3::new(-0.7, 0.7, -1.5);
+    above.transform.scale = DVec3::splat(0.4);
+    objects.push(above);
     // A ball of surfels that have their own opacities, in the light of a point, and two objects that cast nothing.
     let layers = &mut case_of(cases, "layers").scene.objects;
     let mut own = ball(300, 1, true);
@@ -215,7 +237,13 @@ fn shadows_are_the_cpus() {
     }
 }
 
-static MUTANTS: [Mutant; 51] = [
+static MUTANTS: [Mutant; 57] = [
+    ([("select(t - below, below - t", "select(t - below, t - below")], "casting volume"),
+    ([("(dot3(seen, x) / root)", "(-dot3(seen, x) / root)")], "lit volume"),
+    ([("w) - 1u, place, false)", "w) - 1u, place, true)")], "lit volume"),
+    ([("light.colour.w == 0.0 { return 1.0; }", "light.colour.w >= 0.0 { return 1.0; }")], "glass"),
+    ([("if is_lit(light, place, false) { mask |=", "if !is_lit(light, place, false) { mask |=")], "layers, surfels"),
+    ([("sums[sum_at + HELD * TILE_PIXELS] * inverse > 0.5", "false")], "held glass"),
     ([("raise(map + 4u, ~key_of(depth))", "raise(map + 4u, ~key_of(9.0 * depth))")], "capture"),
     ([("taken += radiance", "taken += 0.5 * radiance")], "capture"),
     ([("from_linear(left * to_linear(shown))", "left * shown")], "capture"),
@@ -249,7 +277,7 @@ static MUTANTS: [Mutant; 51] = [
     ([("looks[before + segment", "looks[before + 1u + segment")], "layers"),
     ([("segment.normal[0].w * own", "own")], "glass"),
     ([("segment.flags & CASTS", "segment.flags | CASTS")], "layers"),
-    ([("segment.flags & IS_RECEIVER", "segment.flags & CASTS")], "layers"),
+    ([("(segment.flags & IS_RECEIVER) == 0u", "(segment.flags & IS_RECEIVER) != 0u")], "layers"),
     ([("(view.number * SHADOW_LIGHTS + light) * view.casters", "light * view.casters")], "sun"),
     ([("(view.number * SHADOW_LIGHTS + light) * (FACES", "light * (FACES")], "sun"),
     ([("u32(light.colour.w) - 1u, in_world", "0u, in_world")], "both"),

@@ -22,6 +22,11 @@ impl Blend {
         Self { space, background }
     }
 
+    /// Are colours composited as linear light?
+    pub(in crate::reference) fn is_linear(&self) -> bool {
+        self.space == Blending::Linear
+    }
+
     /// Linear light in the numbers of the image's blending.
     pub(in crate::reference) fn of_light(&self, colour: DVec3) -> DVec3 {
         match self.space {

@@ -51,7 +51,7 @@ pub(in crate::reference) struct March<'w, 'a> {
     stack: Vec<(u32, u32)>,
     along: Along,
     ray: Ray,
-    lights: Lights,
+    lights: Lights<'w, 'a>,
 }
 
 /// The ray that is looked at.
@@ -113,7 +113,7 @@ impl<'w, 'a> March<'w, 'a> {
             stack: Vec::new(),
             along: Along::default(),
             ray,
-            lights: Lights::default(),
+            lights: Lights::new(world),
         }
     }
 
@@ -121,7 +121,7 @@ impl<'w, 'a> March<'w, 'a> {
     pub(in crate::reference) fn begin(&mut self, points: &[SamplePoint], ends: impl Iterator<Item = f64>) {
         let world = self.world;
         self.views.clear();
-        for &SamplePoint { film, time, .. } in points {
+        for &SamplePoint { film, time, lights } in points {
             let camera = world.camera(time);
             self.views.extend(world.volumes.iter().map(|volume| {
                 let body = &world.bodies[volume.body];
@@ -129,7 +129,7 @@ impl<'w, 'a> March<'w, 'a> {
                 let pose = body.pose_at(time)?;
                 let direction = world.direction(film);
                 let (place, length) = (ModelPlace::new(&pose, camera, direction), direction.length());
-                Some(VolumeView { pose, place, eye: camera.eye, length, time, rate: None })
+                Some(VolumeView { pose, place, eye: camera.eye, length, time, lights, rate: None })
             }));
         }
         let far = ends.fold(0.0, f64::max);
@@ -174,12 +174,13 @@ impl<'w, 'a> March<'w, 'a> {
             let fixed = body.is_fixed() && world.camera_of(body).is_some();
             let plain = gaussians.normal.is_empty() && (gaussians.degree == 0 || body.drawing.flat.is_some());
             let view = self.views.iter().skip(number).step_by(world.volumes.len()).flatten().next();
-            if let Some(view) = view.filter(|_| fixed || plain) {
+            let is_own = (fixed || plain) && !self.lights.shade(world, volume);
+            if let Some(view) = view.filter(|_| is_own) {
                 for batch in &mut self.batches[first..self.used] {
                     let mut colours = [DVec3::ZERO; BATCH];
                     for (colour, &place) in colours.iter_mut().zip(&batch.place[..batch.count]) {
                         let kernel = &tree.kernels()[place as usize];
-                        *colour = world.blend.of_light(self.lights.colour(world, volume, kernel, view));
+                        *colour = world.blend.of_light(self.lights.colour(world, volume, kernel, view, 0.0));
                     }
                     batch.colour = Some(colours);
                 }
@@ -193,6 +194,7 @@ impl<'w, 'a> March<'w, 'a> {
         let near = world.scene.camera.near;
         let ray = &mut self.ray;
         (ray.number, ray.at, ray.end, ray.begun, ray.passed) = (number, near, end, 0, 0);
+        self.lights.next_ray();
         ray.met.clear();
         ray.order.clear();
         ray.sheets.clear();
@@ -358,7 +360,10 @@ impl<'w, 'a> March<'w, 'a> {
         };
         let light = match &batch.colour {
             Some(colours) => colours[i],
-            None => world.blend.of_light(self.lights.colour(world, volume, kernel, view)),
+            None => {
+                let depth = met.tau * libm::exp(-0.5 * met.q);
+                world.blend.of_light(self.lights.colour(world, volume, kernel, view, depth))
+            }
         };
         let mut velocity = DVec2::ZERO;
         if body.object.blur && moves {

@@ -141,9 +141,8 @@ impl Fit {
         let centres_seen: Vec<Seen> = centres.par_iter().fold(nothing, of_centres).reduce(nothing, join);
         let cells: Vec<_> = slices.iter().zip(&centres_seen).map(|(slice, seen)| slice.cells_with(seen)).collect();
         // One surfel that is far away makes a run too large for numbers.
-        let may_see = |run: &&Run<'_>| {
-            run.opacity.is_none() && (!run.reach.is_finite() || eye.sees_ball(run.middle, run.reach).1)
-        };
+        let may_see =
+            |run: &&Run<'_>| run.receives && (!run.reach.is_finite() || eye.sees_ball(run.middle, run.reach).1);
         let seen_runs: Vec<_> = runs.iter().filter(may_see).collect();
         let weight = |run: &Run<'_>| (run.reach / eye.sees_ball(run.middle, 0.0).0.max(frame.near)).powi(2);
         let weights: Vec<_> = seen_runs.iter().map(|run| (*run, weight(run))).collect();

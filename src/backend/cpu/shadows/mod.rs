@@ -143,13 +143,17 @@ impl Shadows {
         }
     }
 
-    /// Does the light with this number reach `place` of a capture, relative to the eye in world axes, which lies at
-    /// `depth` before the camera? No capture keeps it away.
-    pub(in crate::backend) fn reaches_captures(&self, number: usize, place: Vec3, depth: f32) -> bool {
+    /// Does the light with this number reach `place`, relative to the eye in world axes, which lies at `depth` before
+    /// the camera? No capture keeps it away from captures.
+    pub(in crate::backend) fn reaches(&self, number: usize, place: Vec3, depth: f32, of_capture: bool) -> bool {
         let Some(Some(LightMaps { views, maps })) = self.lights.get(number) else { return true };
         let view = LightView::facing(views, place);
         let map = &maps[view * SLICES + slice_of(depth, self.near)];
-        map.lights_capture(views[view].on_plane(place), place, views[0].is_point)
+        let (on_plane, is_point) = (views[view].on_plane(place), views[0].is_point);
+        if of_capture {
+            return map.lights_capture(on_plane, place, is_point);
+        }
+        map.lights(&on_plane.map(|x| [x]), &place.to_array().map(|x| [x]), is_point) != [0.0]
     }
 
     /// Empties it; its memory stays.

@@ -24,7 +24,9 @@ pub(super) struct Run<'a> {
     origin: Vec3,
     /// Do they keep light from anything?
     pub casts: bool,
-    /// Factor on their opacities; `None`: they are opaque. These alone receive shadows.
+    /// Do shadows fall on them?
+    pub receives: bool,
+    /// Factor on their opacities; `None`: they are opaque.
     pub opacity: Option<f32>,
     surfels: &'a Surfels,
     paths: Paths<'a>,
@@ -87,6 +89,7 @@ impl<'a> Run<'a> {
             object: posed,
             origin,
             casts: object.cast_shadows,
+            receives: object.receives,
             opacity: object.see_through.then_some(object.opacity),
             surfels,
             paths,

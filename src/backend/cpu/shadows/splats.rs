@@ -1,9 +1,10 @@
 //! Gaussians of captures and volumes as casters: discs, drawn by chance.
 //!
 //! At the distance r from its centre, in standard deviations, and seen from the light, a Gaussian stops the share a(r)
-//! of it. A sample draws a number u for it. Where a(r) > u it stops all light, else none. So it is an elliptic disc,
-//! across the light, at the depth of its centre. The mean over samples is the product of transmittances, whatever
-//! overlaps (stochastic transparency: Enderton et al. 2010). Math: docs/math.md, section 17.
+//! of it. A sample draws a number u for it. Where a(r) > u it stops all light, else none. So it is an elliptic disc:
+//! one of a capture across the light, at the depth of its centre. A kernel of a volume stops light all along its depth,
+//! and a sample draws where. The mean over samples is the product of transmittances, whatever overlaps (stochastic
+//! transparency: Enderton et al. 2010). Math: docs/math.md, section 17.
 
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
@@ -19,6 +20,8 @@ use crate::scene::Drawing;
 /// Least and greatest alpha of a Gaussian of a capture that counts, as in pictures.
 pub(in crate::backend) const LEAST_ALPHA: f32 = 1.0 / 255.0;
 pub(in crate::backend) const MOST_ALPHA: f32 = 0.99;
+/// Least share of a kernel before or behind the place where it stops light.
+pub(in crate::backend) const LEAST_TAIL: f32 = 1e-6;
 
 /// A disc, relative to the eye in world axes.
 #[derive(Clone, Copy, Debug)]
@@ -113,24 +116,35 @@ impl Cast<'_> {
         let linear = self.posed.world_from_model;
         let centre = linear * position + self.origin;
         let axes = linear * Mat3::from_quat(self.gaussians.rotation[i]) * Mat3::from_diagonal(self.gaussians.sigma[i]);
-        let (right, up) = self.view.rays_at(centre).any_orthonormal_pair();
+        let along = self.view.rays_at(centre);
+        let (right, up) = along.any_orthonormal_pair();
         let [x, y] = [right, up].map(|axis| axes.transpose() * axis);
         let (xx, xy) = (x.length_squared(), x.dot(y));
         // The square of a vector product: the difference of products would cancel for long thin ones.
-        let area = x.cross(y).length();
+        let normal = x.cross(y);
+        let area = normal.length();
+        let root = xx.sqrt();
+        let mut u = right * root + up * (xy / root);
+        let mut v = up * (area / root);
         let drawn = chance(self.number, mix(i as u32) ^ self.seed);
         let opacity = self.gaussians.opacity[i] * self.drawing.opacity as f32;
+        let mut stopped_at = centre;
         let radius = if self.gaussians.optics == Optics::Alpha {
             radius_of_alpha(opacity, drawn)
         } else {
             let depth = opacity * linear.determinant().abs() / (std::f32::consts::TAU * area);
+            // On rays beside the centre the kernel has its middle nearer or farther.
+            let seen = axes.transpose() * along;
+            u += along * (seen.dot(x) / root);
+            v += along * (seen.dot(normal.cross(x)) / (area * root));
+            let place = deviations(depth, chance(self.number, mix(!(i as u32)) ^ self.seed));
+            stopped_at += along * (place * axes.determinant().abs() / area);
             radius_of_depth(depth, drawn)
         };
-        let root = xx.sqrt();
-        let u = (right * root + up * (xy / root)) * radius;
-        let v = up * (area / root * radius);
+        let (u, v) = (u * radius, v * radius);
         // What is flat and seen edge-on is nothing here.
-        (radius > 0.0 && centre.is_finite() && u.is_finite() && v.is_finite()).then_some(Disc { centre, axes: [u, v] })
+        let is_finite = stopped_at.is_finite() && u.is_finite() && v.is_finite();
+        (radius > 0.0 && is_finite).then_some(Disc { centre: stopped_at, axes: [u, v] })
     }
 }
 
@@ -146,6 +160,21 @@ fn radius_of_depth(depth: f32, drawn: f32) -> f32 {
     // The optical depth that stops the share `drawn`.
     let least = fast::log2(1.0 - drawn) / -std::f32::consts::LOG2_E;
     if depth > least && least > 0.0 { radius_of(depth / least) } else { 0.0 }
+}
+
+/// Where a kernel of this optical depth stops light that it does stop, in standard deviations from its middle on the
+/// ray. `drawn`: the share of that light that it stops before, in [0, 1).
+fn deviations(depth: f32, drawn: f32) -> f32 {
+    let stopped = 1.0 - fast::exp2(-std::f32::consts::LOG2_E * depth);
+    // The share of the optical depth that the light has passed there.
+    let passed = fast::log2(1.0 - drawn * stopped) / (-std::f32::consts::LOG2_E * depth);
+    let tail = passed.min(1.0 - passed).max(LEAST_TAIL);
+    // Abramowitz and Stegun, 26.2.23: right to 4.5e-4.
+    let t = (fast::log2(tail) * (-2.0 / std::f32::consts::LOG2_E)).sqrt();
+    let below =
+        (2.515_517 + t * (0.802_853 + t * 0.010_328)) / (1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308)));
+    let distance = t - below;
+    if passed < 0.5 { -distance } else { distance }
 }
 
 /// The distance from its peak at which a Gaussian is lower by a factor, in standard deviations.

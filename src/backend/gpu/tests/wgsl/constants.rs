@@ -17,7 +17,7 @@ use crate::backend::cpu::resolve::ALL_CAUGHT;
 use crate::backend::cpu::shadows::GRAZING;
 use crate::backend::cpu::shadows::centres::REACH_OF_CENTRE;
 use crate::backend::cpu::shadows::fit::{GROWTH, MOST_SIDE, MOST_TRIES, SLICES};
-use crate::backend::cpu::shadows::splats::LEAST_ALPHA;
+use crate::backend::cpu::shadows::splats::{LEAST_ALPHA, LEAST_TAIL};
 use crate::backend::cpu::shadows::view::BEYOND_FACE;
 use crate::backend::cpu::swept::attribute::HIDDEN;
 use crate::backend::cpu::swept::hull::HULL_SLACK;
@@ -113,6 +113,7 @@ fn shared() -> Vec<(&'static str, Bits)> {
         ("IS_VOLUME", whole(IS_VOLUME)),
         ("LAYERS_SHIFT", whole(LAYERS_SHIFT)),
         ("LEAST_ALPHA", float(LEAST_ALPHA)),
+        ("LEAST_TAIL", float(LEAST_TAIL)),
         ("LOG2_E", float(std::f32::consts::LOG2_E)),
         ("TAU", float(std::f32::consts::TAU)),
         ("LIGHTS_OF_MASK", whole(LIGHTS_OF_MASK)),
