@@ -358,12 +358,11 @@ impl<'w, 'a> March<'w, 'a> {
         let Some(view) = &mut self.views[self.ray.number * world.volumes.len() + batch.volume] else {
             return Default::default();
         };
-        let light = match &batch.colour {
-            Some(colours) => colours[i],
-            None => {
-                let depth = met.tau * libm::exp(-0.5 * met.q);
-                world.blend.of_light(self.lights.colour(world, volume, kernel, view, depth))
-            }
+        let light = if let Some(colours) = &batch.colour {
+            colours[i]
+        } else {
+            let depth = met.tau * libm::exp(-0.5 * met.q);
+            world.blend.of_light(self.lights.colour(world, volume, kernel, view, depth))
         };
         let mut velocity = DVec2::ZERO;
         if body.object.blur && moves {
