@@ -105,8 +105,8 @@ fn smoke(each: &[([f64; 3], [f64; 3], f64)]) -> Object {
     object
 }
 
-/// A thick layer of smoke in the light from above. Where light has passed the optical depth t, the eye sees exp(-t) of it,
-/// lit by exp(-t): in all (1 - exp(-2 T)) / 2.
+/// A thick layer of smoke in the light from above. Where light has passed the optical depth t, the eye sees exp(-t) of
+/// it, lit by exp(-t): in all (1 - exp(-2 T)) / 2.
 fn smoke_shadows_itself(on: &mut dyn Backend) {
     let count = many(on);
     let (columns, rows, layers, step) = (30, 16, 8, 0.05);
@@ -130,7 +130,9 @@ fn smoke_shadows_itself(on: &mut dyn Backend) {
     let truth = 0.5 * (1.0 - (-2.0 * depth).exp());
     println!("depth {depth}: {shown:.4} for {truth:.4}; lit {lit:.4}");
     assert!((lit - (1.0 - (-depth).exp())).abs() < 0.01, "lit {lit}");
-    assert!((shown - truth).abs() < 0.005, "{shown} for {truth}");
+    // Neighbouring places draw numbers of their own, so the mean of a square is nearer than one place would be.
+    let error = binomial(truth, count) / 3.0;
+    assert!((shown - truth).abs() < error, "{shown} for {truth}, within {error}");
 }
 
 /// `receiveShadows="false"` of a pane and of smoke below a disc; and smoke without normals, which is not lit.

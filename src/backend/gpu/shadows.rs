@@ -89,7 +89,8 @@ fn shades(prepared: &Prepared<'_>, is_one: fn(&FrameObject) -> bool) -> bool {
     shadows.lights > 0 && shadows.casters > 0 && prepared.frame.objects.iter().any(receives)
 }
 
-/// The captures and volumes on which shadows fall at the sample of a group, with the object and Gaussian buffer of each segment.
+/// The captures and volumes on which shadows fall at the sample of a group, with the object and Gaussian buffer of each
+/// segment.
 pub(in crate::backend) fn receiver_segments(job: &Job<'_>) -> Vec<(CaptureSegment, usize, usize)> {
     let prepared = job.place.prepared;
     let mut out = Vec::new();

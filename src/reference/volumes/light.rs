@@ -64,8 +64,8 @@ impl<'w, 'a> Lights<'w, 'a> {
 
     /// Linear light of a kernel: its own colour, or that which lights give it where the volume has normals.
     ///
-    /// A ray may meet thousands of kernels that show little of themselves. Those with an optical depth `depth` on it that
-    /// is small take part in shadows by chance: one asks what light reaches it with the probability p, and shows what
+    /// A ray may meet thousands of kernels that show little of themselves. Those whose optical depth `depth` on it is
+    /// small take part in shadows by chance: one asks what light reaches it with the probability p, and shows what
     /// that takes from it divided by p. The mean is right, though a ray may show less than no light. Coded numbers have
     /// no such mean: there all ask.
     pub(super) fn colour(

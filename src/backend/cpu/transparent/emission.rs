@@ -65,8 +65,8 @@ fn light_left(shaded: &Shaded<'_>, position: Vec3) -> Option<Vec3> {
 }
 
 /// `colour` lit once for the whole kernel, with the normal on the side of the eye (Zwicker et al. 2002, sections 4.2
-/// and 7.1). Ambient light alone reaches what has no normal. Where shadows fall on it, it is lit as in the middle of its
-/// group, by the light that reaches its centre through itself and others (docs/math.md, section 17).
+/// and 7.1). Ambient light alone reaches what has no normal. Where shadows fall on it, it is lit as in the middle of
+/// its group, by the light that reaches its centre through itself and others (docs/math.md, section 17).
 fn lit(view: &GaussianView<'_>, gaussians: &Gaussians, index: usize, colour: Vec3, normal: Vec3) -> Vec3 {
     let shaded = view.shaded.filter(|_| view.object.is_volume());
     let (sample, posed) = shaded.map_or((view.sample, view.posed), |shaded| (shaded.sample, shaded.posed));
