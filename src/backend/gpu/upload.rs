@@ -41,7 +41,7 @@ pub(in crate::backend) struct Placed {
     pub casters: Vec<SurfelDispatch>,
     pub veils: Vec<SurfelDispatch>,
     pub shadow_layers: usize,
-    /// The captures that receive shadows: of the first batch of a group.
+    /// The captures and volumes that receive shadows: of the first batch of a group.
     pub receivers: Vec<SurfelDispatch>,
     /// Where the background behind what is transparent is, bytes.
     pub backdrop: u32,

@@ -6,7 +6,7 @@ use super::kernel::VolumeKernel;
 use crate::math::srgb;
 use crate::reference::gaussians::colour::colour;
 use crate::reference::gaussians::place::ModelPlace;
-use crate::reference::posed::{Body, BodyPose, Volume, World};
+use crate::reference::posed::{BodyPose, Volume, World};
 use crate::reference::sampler::LightNumbers;
 use crate::reference::shadows::{Receiver, Shadows};
 use crate::shading::{ShadingLight, shade};
@@ -57,7 +57,7 @@ impl<'w, 'a> Lights<'w, 'a> {
     /// Do shadows fall on a volume? One that is held is elsewhere than it is shown, and one without normals shows light
     /// of its own.
     pub(super) fn shade(&self, world: &World<'_>, volume: &Volume<'_>) -> bool {
-        let body: &Body<'_> = &world.bodies[volume.body];
+        let body = &world.bodies[volume.body];
         let is_lit = !volume.gaussians.normal.is_empty() && body.drawing.flat.is_none();
         self.shadows.is_some() && is_lit && body.object.receive_shadows && !world.is_held(body)
     }

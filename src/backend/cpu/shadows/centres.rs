@@ -1,4 +1,4 @@
-//! The Gaussians of captures, as what receives shadows: each at its centre.
+//! The Gaussians of captures and lit volumes, as what receives shadows: each at its centre.
 
 use std::ops::Range;
 
@@ -25,7 +25,7 @@ pub(super) struct Centres<'a> {
 }
 
 impl<'a> Centres<'a> {
-    /// The centres of all captures on which shadows fall, as far as they are visible.
+    /// The centres of all captures and volumes on which shadows fall, as far as they are visible.
     pub(super) fn all(frame: &'a Frame, sample: &'a PosedSample) -> Vec<Self> {
         let mut all = Vec::new();
         for (object, posed) in frame.objects.iter().zip(&sample.objects) {
