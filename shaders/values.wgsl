@@ -45,6 +45,10 @@ fn splat_values(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         turned_normal += time * apply_linear(segment.turn, normal);
     }
     normal = unit(turned_normal);
+    if segment.axes[0].w != 0.0 {
+        // The disc of a sphere faces the eye. Pixels bend it (paint/bend.wgsl).
+        normal = unit(-apply(segment.world, placed(at)));
+    }
     if (splats[SPLATS * slot + FLAGS_PART].flags & FLAG_BACK) != 0u {
         normal = -normal;
     }

@@ -25,7 +25,8 @@ pub struct Splat {
     pub u: [f32; 3],
     /// v times inverse depth.
     pub v: [f32; 3],
-    /// Depth of the centre; 0 where the low-pass disc around `reference` does not exist.
+    /// Depth of the centre; 0 where the low-pass disc around `reference` does not exist. Below 0 for a sphere, of which
+    /// this is the disc that faces the eye: minus its radius over the distance of its centre.
     pub centre_depth: f32,
     /// The pixels that the splat may touch, as `PixelRect::bounds` has them.
     pub bounds: [u16; 4],
@@ -33,6 +34,20 @@ pub struct Splat {
     pub surfel: u32,
     /// Bit 0: seen from behind (normals turn to the viewer). A backend may use the bits above.
     pub flags: u32,
+}
+
+impl Splat {
+    /// Is it the disc of a sphere?
+    #[inline(always)]
+    pub fn is_sphere(&self) -> bool {
+        self.centre_depth < 0.0
+    }
+
+    /// Of a sphere its radius over the distance of its centre; else 0.
+    #[inline(always)]
+    pub fn sine(&self) -> f32 {
+        if self.centre_depth < 0.0 { -self.centre_depth } else { 0.0 }
+    }
 }
 
 /// A surfel's kernel after projection, convolved with the low-pass filter of full EWA (docs/math.md, section 3).
@@ -56,7 +71,7 @@ pub struct EwaSplat {
     pub peak: f32,
     /// Weight at the centre, normalised (docs/math.md, section 3).
     pub weight: f32,
-    /// 1 for a splat that reaches the camera plane, which is not filtered; else 0.
+    /// 1 for a splat that is not filtered, because it reaches the camera plane or is a sphere; else 0.
     pub crossing: u32,
     /// The pixels whose tiles list the splat: those that it may touch, and the apron around them. They lie where a
     /// second splat would have its bounds: lists are made of those.

@@ -16,7 +16,7 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions, Shading};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{BlockErrors, Cut, CutTolerance, Object, Scene, Shape};
+use crate::scene::{BlockErrors, Cut, CutTolerance, Object, Scene};
 use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
@@ -92,7 +92,7 @@ impl Renderer {
     ///
     /// # Errors
     /// The number is not finite, the frame does not fit into [`RenderOptions::memory`], the device fails, or the scene
-    /// has an ideal sphere.
+    /// has what the mode or the shading cannot show.
     pub fn render(
         &mut self,
         scene: &Scene,
@@ -418,10 +418,22 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let Some(object) = scene.capture_before_panorama() {
         return Err(BackendError::Panorama { object: object.name.clone() });
     }
-    match scene.objects.iter().find(|object| matches!(object.shape, Shape::Sphere { .. })) {
-        Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
-        None => Ok(()),
+    check_spheres(scene, options)
+}
+
+/// Refuses spheres where they cannot be shown.
+fn check_spheres(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
+    let Some(object) = scene.objects.iter().find(|object| object.shape.surfels_or_none().spheres) else {
+        return Ok(());
+    };
+    let spheres = |what, instead| Err(BackendError::Spheres { object: object.name.clone(), what, instead });
+    if let Quality::Mode(BlurMode::Volumetric { .. }) = options.quality {
+        return spheres("mode `volumetric`", "`supersample`, `bucket` or `auto`");
     }
+    if options.look.shading == Shading::Gouraud {
+        return spheres("shading `gouraud`", "`phong`");
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -218,7 +218,7 @@ impl Object {
         Ok(Self::plain(made.map_err(|error| in_words_of(error, words)).or_raise(py)?))
     }
 
-    /// An object of a model file. `kind`: `surfels`, `gaussians`, or nothing for what the file is.
+    /// An object of a model file. `kind`: `surfels`, `spheres`, `gaussians`, or nothing for what the file is.
     #[staticmethod]
     #[pyo3(signature = (path, kind = None))]
     fn load(py: Python<'_>, path: PathBuf, kind: Option<&str>) -> PyResult<Self> {
@@ -226,8 +226,9 @@ impl Object {
         let kind = match kind {
             None => None,
             Some("surfels") => Some(Kind::Surfels),
+            Some("spheres") => Some(Kind::Spheres),
             Some("gaussians") => Some(Kind::Gaussians),
-            Some(other) => return Err(invalid(py, "kind", &format!("`{other}`"), "surfels, gaussians or None")),
+            Some(other) => return Err(invalid(py, "kind", &format!("`{other}`"), "surfels, spheres, gaussians or None")),
         };
         let options = LoadOptions { kind, ..LoadOptions::default() };
         let (from, with) = (path.clone(), options.clone());
@@ -465,7 +466,8 @@ fn surfel_columns<'py>(py: Python<'py>, surfels: &Surfels, columns: &Bound<'py, 
     columns.set_item("origin", surfels.origin.to_array())?;
     columns.set_item("per_frame", surfels.velocity_unit == VelocityUnit::Frame)?;
     columns.set_item("two_sided", surfels.two_sided)?;
-    columns.set_item("signs_estimated", surfels.signs_estimated)
+    columns.set_item("signs_estimated", surfels.signs_estimated)?;
+    columns.set_item("spheres", surfels.spheres)
 }
 
 fn gaussian_columns<'py>(py: Python<'py>, gaussians: &Gaussians, columns: &Bound<'py, PyDict>) -> PyResult<()> {
@@ -512,6 +514,7 @@ fn read_surfels(columns: &Bound<'_, PyDict>) -> PyResult<Surfels> {
         velocity_unit: if value(columns, "per_frame")? { VelocityUnit::Frame } else { VelocityUnit::Second },
         two_sided: value(columns, "two_sided")?,
         signs_estimated: value(columns, "signs_estimated")?,
+        spheres: value(columns, "spheres")?,
         ..Surfels::default()
     })
 }

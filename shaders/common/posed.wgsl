@@ -1,3 +1,4 @@
+// Includes: common/sphere
 // A surfel on the screen: posed, projected, bounded and culled.
 // Twin: project_lane and push_crossing of src/backend/cpu/project.rs.  Math: docs/math.md, section 2.
 
@@ -46,6 +47,17 @@ fn posed(index: u32, margin: f32) -> Posed {
         u += lands.time * apply_linear(segment.motion, axis_u);
         v += lands.time * apply_linear(segment.motion, axis_v);
     }
+    var sine = 0.0;
+    if segment.axes[0].w != 0.0 {
+        // A sphere turns its disc to the eye.
+        let radius = sqrt(axis_u.x * axis_u.x + axis_u.y * axis_u.y + axis_u.z * axis_u.z) * segment.axes[0].w;
+        let disc = outline(vec3<f32>(c.xy / view.focal, c.z), radius);
+        if !(disc.sine < 1.0) { return out; }
+        c *= disc.nearer;
+        u = disc.u * vec3<f32>(view.focal, view.focal, 1.0);
+        v = disc.v * vec3<f32>(view.focal, view.focal, 1.0);
+        sine = disc.sine;
+    }
     if !(all_finite(c) && all_finite(u) && all_finite(v)) { return out; }
 
     let depth = c.z;
@@ -85,6 +97,7 @@ fn posed(index: u32, margin: f32) -> Posed {
     out.seen_v = vec2<f32>(vx, vy);
     out.splat.surfel = segment.buffer_start + segment.first_surfel + index;
     out.splat.flags = segment.index << 1u;
+    out.splat.centre_depth = -sine;
     if depth <= 0.0 || d22 > -1e-3 * depth * depth {
         cross_camera_plane(&out, margin);
         return out;
@@ -113,7 +126,7 @@ fn posed(index: u32, margin: f32) -> Posed {
     out.splat.u[1] = -vx * over_area;
     out.splat.v[0] = -uy * over_area;
     out.splat.v[1] = ux * over_area;
-    out.splat.centre_depth = select(0.0, depth, depth >= view.near);
+    if sine == 0.0 { out.splat.centre_depth = select(0.0, depth, depth >= view.near); }
     out.splat.flags |= select(0u, FLAG_BACK, shows_back);
     return out;
 }

@@ -173,6 +173,9 @@ struct Segment {
     // Index of the segment of the same surfel buffer in the middle of the group, of which the shadows are; its own
     // index where it is there, or the object is not seen then.
     middle: u32,
+    // The axes of its camera in the world, row by row: right, down, forward. The first row ends with the world units to
+    // a unit of a radius where surfels are spheres; 0 where they are discs.
+    axes: array<vec4<f32>, 3>,
 }
 
 // `vector` points towards a directional light, or is a point light's position relative to the eye. Its w tells the

@@ -1,5 +1,5 @@
 // Includes: common/types common/views common/fast common/channels common/hit common/list paint/rest paint/both_walks
-// Includes: common/depths paint/kernel paint/sums
+// Includes: common/depths paint/kernel paint/sums paint/bend
 // Pass `attribute` (program `sum_attributes`): sums the attributes of the splats that pass the depth test, with their
 // weights. Filtered kernels have four layers by depth; solid pixels, groups of several samples, and kernels without a
 // filter have the band alone. A layer that is peeled off has the first two, and only splats from the floor to T.
@@ -116,11 +116,14 @@ fn add_to_band(band: ptr<function, Sums>, slot: u32, splat: Kernel, pixels: Pixe
         let tolerance = tolerance_at(seen.depth, segments[segment_index].epsilon);
         let shows = seen.depth <= limit_of(tolerance, pixels.first, pixels.nearest);
         let weight = select(zero, seen.weight * segments[segment_index].share, shows);
-        if any_of(weight > zero) { add_values(band, slot, weight, select(zero, seen.depth, weight > zero)); }
+        if any_of(weight > zero) {
+            add_values(band, slot, weight, select(zero, seen.depth, weight > zero));
+            bend_normals(band, slot, splat, weight, pixels);
+        }
         return false;
     }
     let place = place_of(seen, segments[segment_index].epsilon, pixels);
-    add_to_layer(band, slot, splat, seen, place.in_band);
+    add_to_layer(band, slot, splat, seen, place.in_band, pixels);
     return any_of(pixels.open & !place.in_band & (seen.disc | (seen.weight > zero)));
 }
 
@@ -134,20 +137,29 @@ fn add_to_others(
     let behind = pixels.open & !place.before & !place.in_band;
     let next = behind & (seen.depth <= pixels.second);
     let last = behind & !next;
-    add_to_layer(front, slot, splat, seen, place.before);
-    add_to_layer(second, slot, splat, seen, next);
-    add_to_layer(rest, slot, splat, seen, last);
+    add_to_layer(front, slot, splat, seen, place.before, pixels);
+    add_to_layer(second, slot, splat, seen, next, pixels);
+    add_to_layer(rest, slot, splat, seen, last, pixels);
     (*rest).discs += select(Floats(0.0), Floats(1.0), last & seen.disc);
 }
 
 // Adds a splat to the sums of a layer in the pixels of which that layer `takes` it.
-fn add_to_layer(sum: ptr<function, Sums>, slot: u32, splat: Kernel, seen: Seen, takes: Bools) {
+fn add_to_layer(
+    sum: ptr<function, Sums>, slot: u32, splat: Kernel, seen: Seen, takes: Bools, pixels: Pixels,
+) {
     let zero = Floats(0.0);
     let weight = select(zero, seen.weight, takes);
     if !any_of(weight > zero) { return; }
     add_values(sum, slot, weight, select(zero, seen.depth, weight > zero));
+    bend_normals(sum, slot, splat, weight, pixels);
     if PEAK != 0u {
         (*sum).peak += weight * peak_of(splat);
         (*sum).side += weight * select(1.0, -1.0, (disc_of(splat).flags & FLAG_BACK) != 0u);
     }
+}
+
+// Adds what the normals of a sphere are more than that of its disc.
+fn bend_normals(sum: ptr<function, Sums>, slot: u32, splat: Kernel, weight: Floats, pixels: Pixels) {
+    if NORMAL == 0u || !is_sphere(disc_of(splat)) { return; }
+    add_bend(sum, disc_of(splat), slot * VALUES + 3u, weight, pixels.column, pixels.row);
 }

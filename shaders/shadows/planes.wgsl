@@ -31,13 +31,14 @@ fn shadow_planes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     let are_splats = (segment.flags & ARE_SPLATS) != 0u;
     var disc: Disc;
     var opacity = 1.0;
-    if !are_splats {
-        disc = disc_of(index);
-        opacity = opacity_of(index);
-    }
+    if !are_splats { opacity = opacity_of(index); }
     for (var light = 0u; light < SHADOW_LIGHTS; light += 1u) {
         let of_light = light_view(light, 0u);
-        if are_splats { disc = splat_of(index, light, of_light); }
+        if are_splats {
+            disc = splat_of(index, light, of_light);
+        } else {
+            disc = disc_of(index, of_light);
+        }
         let normal = cross(disc.u, disc.v);
         let length_of_normal = sqrt(dot3(normal, normal));
         let c = disc.centre - of_light.origin;

@@ -59,7 +59,7 @@ fn stamp(index: u32, light: u32, texels: vec2<u32>, lane: u32, stride: u32) -> b
     if (segment.flags & ARE_SPLATS) != 0u {
         disc = Disc(casters[caster + 2u].xyz, casters[caster + 3u].xyz, casters[caster + 4u].xyz);
     } else {
-        disc = disc_of(index);
+        disc = disc_of(index, light_view(light, 0u));
     }
     var has_more = false;
     for (var face = 0u; face < FACES; face += 1u) {

@@ -2,6 +2,7 @@
 //!
 //! A cluster need not be projected if it is apart from the pixels that are wanted, or shows its back.
 
+use std::ops::Range;
 use std::sync::{Arc, Weak};
 
 use glam::Vec3;
@@ -69,11 +70,12 @@ pub(super) struct Cluster {
 }
 
 impl Cluster {
-    /// Surfels with these centres and axes.
-    pub(super) fn of(position: impl IntoIterator<Item = Vec3>, u: &[Vec3], v: &[Vec3]) -> Self {
+    /// Those of `surfels` in a range, with these centres.
+    pub(super) fn of(surfels: &Surfels, range: Range<usize>, position: impl IntoIterator<Item = Vec3>) -> Self {
+        let (u, v) = (&surfels.axis_u[range.clone()], &surfels.axis_v[range]);
         let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         for (p, (u, v)) in position.into_iter().zip(u.iter().zip(v)) {
-            let extent = u.abs() + v.abs();
+            let extent = if surfels.spheres { Vec3::splat(u.length()) } else { u.abs() + v.abs() };
             if p.is_finite() && extent.is_finite() {
                 corners = [corners[0].min(p - extent), corners[1].max(p + extent)];
             }
@@ -99,15 +101,11 @@ impl Cluster {
 
 impl Clusters {
     fn of(surfels: &Surfels) -> Self {
-        let axes = surfels.axis_u.par_chunks(CLUSTER_SURFELS).zip(surfels.axis_v.par_chunks(CLUSTER_SURFELS));
-        Self(
-            surfels
-                .position
-                .par_chunks(CLUSTER_SURFELS)
-                .zip(axes)
-                .map(|(position, (u, v))| Cluster::of(position.iter().copied(), u, v))
-                .collect(),
-        )
+        let cluster = |(index, position): (usize, &[Vec3])| {
+            let first = index * CLUSTER_SURFELS;
+            Cluster::of(surfels, first..first + position.len(), position.iter().copied())
+        };
+        Self(surfels.position.par_chunks(CLUSTER_SURFELS).enumerate().map(cluster).collect())
     }
 
     /// Cluster `index`; `None` where clusters are not known.

@@ -14,11 +14,15 @@ pub enum BackendError {
     /// A value of the scene or of the options is out of its bounds.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// An ideal sphere has no surfels to splat.
-    #[error("object `{object}` is an ideal sphere, which only the reference can show")]
-    Sphere {
+    /// Spheres are shaded by pixels, at instants.
+    #[error("object `{object}` has spheres, which {what} cannot show: take {instead}")]
+    Spheres {
         /// Name of the object.
         object: String,
+        /// What cannot show them.
+        what: &'static str,
+        /// What can.
+        instead: &'static str,
     },
     /// A file of a sequence cannot be read, or does not go with the one beside it.
     #[error(transparent)]

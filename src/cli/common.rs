@@ -270,6 +270,8 @@ impl Running {
             restrict,
             size: overrides.size,
             up: alone.up,
+            kind: alone.kind,
+            radius: alone.radius,
             shutter,
             readout: overrides.readout,
             studio: alone.studio,

@@ -56,6 +56,12 @@ pub(super) struct Convert {
     /// Cloud of points: where the scanner stood, in the coordinates of the file; estimated normals face it.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = values::place)]
     scanner_position: Option<DVec3>,
+    /// Cloud of points: radius of all, model units, in place of those of the file and of estimates.
+    #[arg(long, value_name = "R", allow_hyphen_values = true, value_parser = values::radius)]
+    radius: Option<f64>,
+    /// What is written: surfels, or spheres (.bin), which need no normals [default: surfels].
+    #[arg(long, value_name = "KIND", value_parser = values::point_kind())]
+    kind: Option<model::Kind>,
     /// Replace OUT if it exists.
     #[arg(long)]
     force: bool,
@@ -80,8 +86,11 @@ impl Convert {
         if info::head(&self.input).is_ok_and(|head| info::kind(&head, &self.input) == InputKind::Scene) {
             bail!("{} is a scene; convert takes a model, such as one that it names", self.input.display());
         }
-        // What it writes holds surfels.
-        let kind = Some(model::Kind::Surfels);
+        // What it writes holds surfels or spheres.
+        let kind = self.kind.or(Some(model::Kind::Surfels));
+        if !binary && kind == Some(model::Kind::Spheres) {
+            bail!("PLY has no spheres: name a .bin file, or give the PLY of surfels `kind=\"spheres\"`");
+        }
         let (radius_scale, colour_space) = (self.radius_scale, self.colour_space);
         let classes: BTreeSet<u8> = self.classes.iter().copied().collect();
         let points = model::PointOptions {
@@ -89,6 +98,7 @@ impl Convert {
             classes: classes.into_iter().collect(),
             clean: self.clean,
             scanner: self.scanner_position,
+            radius: self.radius,
         };
         let options = model::LoadOptions { kind, radius_scale, colour_space, points, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);

@@ -6,6 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use glam::DVec3;
 use splatblur::image::{Display, ViewTransform};
+use splatblur::model::Kind;
 use splatblur::scene::{Studio, StudioLight, StudioOptions};
 use splatblur::scene_file::Up;
 
@@ -38,6 +39,19 @@ pub(super) struct StudioArgs {
         help_heading = "Model alone"
     )]
     up: Option<Up>,
+    /// What the points of a model file are drawn as: surfels, or spheres, which need no normals [default: as the file
+    /// is].
+    #[arg(long, value_name = "KIND", value_parser = values::point_kind(), help_heading = "Model alone")]
+    kind: Option<Kind>,
+    /// Radius of all points of a model file, model units [default: that of each point, else estimated].
+    #[arg(
+        long,
+        value_name = "R",
+        allow_hyphen_values = true,
+        value_parser = values::radius,
+        help_heading = "Model alone"
+    )]
+    radius: Option<f64>,
 }
 
 /// How a model alone is shown. By default it is bare.
@@ -45,6 +59,8 @@ pub(super) struct StudioArgs {
 pub(super) struct ModelAlone {
     pub(super) studio: Option<StudioOptions>,
     pub(super) up: Option<Up>,
+    pub(super) kind: Option<Kind>,
+    pub(super) radius: Option<f64>,
     /// An option that is for models alone and was given.
     given: Option<&'static str>,
 }
@@ -64,7 +80,9 @@ impl StudioArgs {
     pub(super) fn of(&self, background: Option<DVec3>, transparent: bool) -> ModelAlone {
         let studio = StudioOptions { unlit: self.unlit, background, transparent };
         let given = self.unlit.map(|_| "--unlit").or(self.up.map(|_| "--up"));
-        ModelAlone { studio: (!self.no_studio).then_some(studio), up: self.up, given }
+        let given = given.or(self.kind.map(|_| "--kind")).or(self.radius.map(|_| "--radius"));
+        let Self { up, kind, radius, .. } = *self;
+        ModelAlone { studio: (!self.no_studio).then_some(studio), up, kind, radius, given }
     }
 }
 

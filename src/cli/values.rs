@@ -10,8 +10,8 @@ use std::str::FromStr;
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
-use splatblur::limits::{COORDINATE, EPSILON, LIGHT, RADIUS_SCALE, RATE, SHUTTER, STOPS};
-use splatblur::model::ColourSpace;
+use splatblur::limits::{COORDINATE, EPSILON, LENGTH, LIGHT, RADIUS_SCALE, RATE, SHUTTER, STOPS};
+use splatblur::model::{ColourSpace, Kind};
 use splatblur::movie::MovieKind;
 
 use super::frames::{self, MAX_FRAME};
@@ -33,6 +33,18 @@ pub(super) fn switch() -> impl TypedValueParser<Value = bool> {
 pub(super) fn stops(text: &str) -> Result<f64, String> {
     let value = real(text)?;
     if STOPS.holds(value) { Ok(value) } else { Err(format!("{value} is not from -32 to 32")) }
+}
+
+/// The radius of all points.
+pub(super) fn radius(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if LENGTH.holds(value) { Ok(value) } else { Err(format!("{value} is not {LENGTH}")) }
+}
+
+/// `surfels` or `spheres`.
+pub(super) fn point_kind() -> impl TypedValueParser<Value = Kind> {
+    let kind = |word: String| if word == "spheres" { Kind::Spheres } else { Kind::Surfels };
+    PossibleValuesParser::new(["surfels", "spheres"]).map(kind)
 }
 
 /// `srgb` or `linear`.

@@ -45,6 +45,12 @@ pub(super) fn prefilter(
     swept: Option<SweptKernel>,
     options: &RenderOptions,
 ) -> Prefilter {
+    // Spheres are not filtered: where there is nothing else, the passes of filtered kernels would cost for nothing.
+    let surfels = scene.objects.iter().map(|object| object.shape.surfels_or_none());
+    let mut surfels = surfels.filter(|surfels| !surfels.is_empty()).peekable();
+    if surfels.peek().is_some() && surfels.all(|surfels| surfels.spheres) {
+        return Prefilter::None;
+    }
     if options.prefilter != Prefilter::Auto {
         return options.prefilter;
     }

@@ -39,6 +39,10 @@ pub(super) fn is_minified(scene: &Scene, number: FrameNumber, positions: usize) 
 fn minified_pixels(scene: &Scene, number: FrameNumber, object: &Object, radius: f64) -> f64 {
     let Some(model) = object.shape.surfels() else { return 0.0 };
     let surfels = model.surfels();
+    // A filter widens no spheres.
+    if surfels.spheres {
+        return 0.0;
+    }
     let time = scene.shutter.frame_time(number.get(), 0.5);
     let pose = object_pose(scene, object, time);
     if !pose.visible {

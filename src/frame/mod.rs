@@ -423,7 +423,8 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool, camer
     let has_materials = object.shape.surfels().is_some_and(|model| !model.surfels().material.is_empty());
     let surface = object.shape.surface().copied().unwrap_or_default();
     let material = object.shape.material().or_else(|| (!has_materials).then(Material::default));
-    let two_sided = options.look.two_sided || surface.two_sided;
+    // The discs of spheres face the eye, and those of the model mean nothing.
+    let two_sided = options.look.two_sided || surface.two_sided || object.shape.surfels_or_none().spheres;
     let catcher = object.shadow_catcher && object.has_opaque_surfels();
     let is_held = !object.blur && !camera_rests;
     // A held capture or volume is elsewhere than its splats are shown. A volume without normals shows light of its own.

@@ -100,6 +100,10 @@ pub struct PosedObject {
     pub epsilon: f32,
     /// Least depth at which its Gaussians are drawn, world units.
     pub near: f32,
+    /// Where its surfels are spheres: world units to a unit of a radius. 0 where they are discs.
+    pub spheres: f32,
+    /// The axes of its camera in the world: columns right, down, forward.
+    pub world_from_view: Mat3,
 }
 
 impl PosedObject {
@@ -266,6 +270,8 @@ impl Poser<'_> {
         let (screen_from_model, screen_origin) = (screen.0.as_mat3(), screen.1.as_vec3());
         let (rate, pace) = self.velocity(object, time);
         let (epsilon, near) = self.depths(object, libm::cbrt(det.abs()));
+        let is_spheres = object.shape.surfels_or_none().spheres;
+        let Mat3 { x_axis: right, y_axis: up, z_axis: back } = DMat3::from_mat4(*camera).transpose().as_mat3();
         PosedObject {
             visible: pose.visible && det != 0.0,
             screen_from_model,
@@ -285,9 +291,12 @@ impl Poser<'_> {
             normal_motion: Mat3::ZERO,
             world_from_model: linear.as_mat3(),
             world_origin: relative_to_eye(camera, camera_from_model).as_vec3(),
-            handedness: if det < 0.0 { -1.0 } else { 1.0 },
+            // The discs of spheres show their fronts, whatever a transform mirrors.
+            handedness: if det < 0.0 && !is_spheres { -1.0 } else { 1.0 },
             epsilon: epsilon as f32,
             near: near as f32,
+            spheres: if is_spheres { libm::cbrt(det.abs()) as f32 } else { 0.0 },
+            world_from_view: Mat3::from_cols(right, -up, -back),
         }
     }
 

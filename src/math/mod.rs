@@ -10,6 +10,7 @@ mod projection;
 #[cfg(test)]
 pub(crate) mod random;
 pub(crate) mod simd;
+pub(crate) mod sphere;
 pub mod srgb;
 pub mod sweep;
 mod trs;

@@ -34,6 +34,7 @@ const TWO_SIDED: u32 = 4;
 const SIGNS_ESTIMATED: u32 = 8;
 /// Flag of version 2: velocities are per second and not per frame.
 const PER_SECOND: u32 = 16;
+const SPHERES: u32 = 32;
 
 /// True if a file begins as ours does. The next byte to be read is its first one.
 pub(super) fn is_at(input: &mut Input) -> io::Result<bool> {
@@ -77,8 +78,8 @@ pub(super) fn read(from: impl Read, size: u64) -> Result<Surfels, Fault> {
             "bits 0 (material), 1 (velocity), 2 (two-sided) and 3 (signs estimated) only",
         )
     } else {
-        let known = "bits 2 (two-sided), 3 (signs estimated) and 4 (velocities per second) only";
-        (TWO_SIDED | SIGNS_ESTIMATED | PER_SECOND, known)
+        let known = "bits 2 (two-sided), 3 (signs estimated), 4 (velocities per second) and 5 (spheres) only";
+        (TWO_SIDED | SIGNS_ESTIMATED | PER_SECOND | SPHERES, known)
     };
     if mask & !bits != 0 {
         return Err(ParseError::byte(12, format!("column mask {mask:#x}"), known).into());
@@ -104,6 +105,7 @@ pub(super) fn read(from: impl Read, size: u64) -> Result<Surfels, Fault> {
     surfels.velocity_unit = if moves && mask & PER_SECOND == 0 { VelocityUnit::Frame } else { VelocityUnit::Second };
     surfels.two_sided = mask & TWO_SIDED != 0;
     surfels.signs_estimated = mask & SIGNS_ESTIMATED != 0;
+    surfels.spheres = mask & SPHERES != 0;
     if let Some(factors) = surfels.normalisation.known() {
         check_factors(factors, &places)?;
     }
@@ -333,6 +335,9 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     }
     if surfels.signs_estimated {
         mask |= SIGNS_ESTIMATED;
+    }
+    if surfels.spheres {
+        mask |= SPHERES;
     }
     let moves = !(surfels.velocity.is_empty() && surfels.acceleration.is_empty());
     if moves && surfels.velocity_unit == VelocityUnit::Second {

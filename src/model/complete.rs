@@ -7,10 +7,10 @@ use super::cloud::{Cloud, ColourStorage, PLAIN};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
 use super::normals::Seen;
-use super::options::{ColourSpace, LoadOptions, LoadProgress};
+use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
-use super::{normals, radii, spacing, strays, variance};
+use super::{normals, radii, spacing, spheres, strays, variance};
 use crate::math::{Bounds, srgb};
 
 /// Smallest length, model units. Its square does not underflow in `f32`.
@@ -47,8 +47,17 @@ pub fn complete(
     let (origin, position) = recentred(&cloud.position);
     cloud.position = Vec::new();
 
+    if let Some(radius) = options.points.radius {
+        cloud.axes = Vec::new();
+        cloud.radius = vec![radius as f32; position.len()];
+    }
     let stations: Vec<Vec3> = cloud.stations.iter().map(|place| (*place - origin).as_vec3()).collect();
-    let (normal, axes) = surfaces(&mut cloud, &position, &stations, options.radius_scale, progress, &mut notes);
+    let as_spheres = options.kind == Some(Kind::Spheres);
+    let (normal, axes) = if as_spheres {
+        balls(&mut cloud, &position, options.radius_scale, &mut notes)
+    } else {
+        surfaces(&mut cloud, &position, &stations, options.radius_scale, progress, &mut notes)
+    };
     let (axis_u, axis_v) = axes.into_par_iter().map(|[u, v]| (u, v)).unzip();
     let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
     repair(&mut cloud.material, Material::is_valid, Material::default(), "reflection coefficients", &mut notes);
@@ -72,6 +81,7 @@ pub fn complete(
         levels: KeptLevels::default(),
         two_sided: cloud.two_sided,
         signs_estimated: cloud.signs_estimated,
+        spheres: as_spheres,
     };
     Ok((surfels, notes))
 }
@@ -223,6 +233,34 @@ fn surfaces(
     (normal, axes)
 }
 
+/// The same of points that are drawn as spheres. Their radius is that of the file, or the longer axis.
+fn balls(
+    cloud: &mut Cloud,
+    position: &[Vec3],
+    radius_scale: f64,
+    notes: &mut Vec<String>,
+) -> (Vec<Vec3>, Vec<[Vec3; 2]>) {
+    let axes = std::mem::take(&mut cloud.axes);
+    let mut radius = std::mem::take(&mut cloud.radius);
+    radius.resize(position.len(), 0.0);
+    for (i, radius) in radius.iter_mut().enumerate() {
+        let longer =
+            axes.get(i).map_or(0.0, |axes| axes.map(|axis| axis.as_dvec3().length()).into_iter().fold(0.0, f64::max));
+        *radius = length(longer).or_else(|| length(f64::from(*radius))).unwrap_or(0.0);
+    }
+    if let Some(usual) = spheres::complete_radii(position, &mut radius) {
+        notes.push(format!("spheres without a radius have one of {usual:.6}, after the distances of neighbours"));
+    }
+    cloud.normal = Vec::new();
+    // They have no sides.
+    (cloud.two_sided, cloud.signs_estimated) = (true, false);
+    let scaled = |radius: &f32| {
+        let radius = f64::from(*radius);
+        spheres::axes((radius * radius_scale.min(MAX_COORDINATE / radius).max(TINY / radius)) as f32)
+    };
+    (vec![Vec3::Z; position.len()], radius.par_iter().map(scaled).collect())
+}
+
 /// A unit vector along `n`; `None` if `n` is zero or not finite.
 fn unit(n: Vec3) -> Option<Vec3> {
     if n.is_finite() && n.is_normalized() { Some(n) } else { n.as_dvec3().try_normalize().map(DVec3::as_vec3) }
@@ -278,6 +316,12 @@ fn estimate(
         notes.push(format!("normals of {share} {points} points estimated from {near} neighbours; {sides}"));
         // A room that was scanned from inside has no outside.
         signs = Some(estimated.reliable && !seen.is_known());
+    }
+    if normals_missing && spheres::fills_volume(position) {
+        notes.push(
+            "the points fill a volume: normals of its inside say nothing (kind `spheres` draws a sphere about each)"
+                .to_owned(),
+        );
     }
     if radii_missing {
         let estimated = radii::estimate(radius, &distinct, &neighbours);

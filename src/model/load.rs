@@ -15,7 +15,7 @@ use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
 use super::surfels::{KeptLevels, Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, inward, obj, ply, scan, several, sfl, tidy, xyz};
+use super::{bin, inward, obj, ply, scan, several, sfl, spheres, tidy, xyz};
 use crate::files;
 use crate::math::srgb;
 
@@ -173,7 +173,9 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
             return capture(gaussians, options, path).map(ready);
         }
         (_, Some(Kind::Gaussians)) => return Err(ModelError::NoGaussians { path: owned() }),
-        (ModelContent::Grid(_), Some(Kind::Surfels)) => return Err(ModelError::NoSurfels { path: owned() }),
+        (ModelContent::Grid(_), Some(Kind::Surfels | Kind::Spheres)) => {
+            return Err(ModelError::NoSurfels { path: owned() });
+        }
         (ModelContent::Grid(grid), None | Some(Kind::Volume)) => {
             let made = volume::of_grid(&grid, &options.volume, options.radius_scale, most_kernels(size), progress);
             return of_volume(made, path).map(ready);
@@ -192,6 +194,7 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
             return Ok(ready(loaded));
         }
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
+        (ModelContent::Mesh(cloud, _), Some(Kind::Spheres)) => Parsed::Cloud(tidy::tidy(cloud)),
         (ModelContent::Mesh(cloud, triangles), _) => {
             return Ok(ReadFile::Mesh(mesh::of_cloud(cloud, triangles, options.colour_space)));
         }
@@ -201,6 +204,9 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
         Parsed::Grid(_) => Err(ModelError::NoSurfels { path: owned() }),
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
+        }
+        Parsed::Surfels(surfels) if surfels.spheres && options.kind == Some(Kind::Surfels) => {
+            Err(ModelError::NoSurfels { path: owned() })
         }
         Parsed::Surfels(surfels) => {
             let shape = LoadedShape::Surfels(adjust(surfels, options), None);
@@ -289,7 +295,7 @@ fn completed(
 ) -> Result<LoadedModel, ModelError> {
     let mut notes = std::mem::take(&mut cloud.notes);
     if !cloud.density.is_empty() {
-        notes.push("`density` ignored: the points are drawn as surfels (kind `volume` uses it)".to_owned());
+        notes.push("`density` ignored: it is for the kind `volume`".to_owned());
     }
     let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
         ModelError::NoPoints => {
@@ -488,6 +494,14 @@ fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
         // Larger discs overlap more.
         surfels.normalisation = Normalisation::default();
         surfels.levels = KeptLevels::default();
+    }
+    if options.kind == Some(Kind::Spheres) && !surfels.spheres {
+        for i in 0..surfels.len() {
+            [surfels.axis_u[i], surfels.axis_v[i]] = spheres::axes(surfels.radius(i));
+        }
+        surfels.normal.fill(Vec3::Z);
+        (surfels.spheres, surfels.two_sided, surfels.signs_estimated) = (true, true, false);
+        (surfels.normalisation, surfels.levels) = (Normalisation::default(), KeptLevels::default());
     }
     if options.colour_space == Some(ColourSpace::Srgb) {
         surfels.levels = KeptLevels::default();

@@ -46,6 +46,7 @@ mod sfl_codes;
 mod sfl_container;
 mod sides;
 mod spacing;
+mod spheres;
 mod store;
 mod strays;
 mod surfels;
@@ -71,6 +72,7 @@ pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, Poi
 #[cfg(feature = "formats")]
 pub use scan::{Scan, ScanFacts, scan_facts};
 pub use several::matching;
+pub(crate) use spheres::axes as sphere_axes;
 pub use surfels::{KeptLevels, Material, Normalisation, Surfels, VelocityUnit};
 pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, TransferFunction, TransferFunctionError, TransferStop, VolumeFacts,

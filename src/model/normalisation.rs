@@ -58,7 +58,7 @@ impl Surfels {
     /// 64th, ...) stands for all. Factors are estimates then, most of them within 20 %, and their sum within 2 %. Where
     /// one disc covers very many that hardly overlap, its factor is as good as any.
     pub fn normalisation(&self) -> &[f32] {
-        self.normalisation.known_or(|| factors(self))
+        self.normalisation.known_or(|| if self.spheres { vec![1.0; self.len()] } else { factors(self) })
     }
 
     /// The mean of all factors, weighted by the areas of the discs: with it for all the sum of areas is the same. 1 for

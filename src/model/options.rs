@@ -18,6 +18,8 @@ pub enum ColourSpace {
 pub enum Kind {
     /// Opaque discs, without the fainter half of a capture.
     Surfels,
+    /// Spheres, one about each point.
+    Spheres,
     /// Transparent 3D Gaussians. Only captures have them.
     Gaussians,
     /// Kernels of a medium that light passes through: grids, and points with densities and radii.
@@ -66,11 +68,13 @@ pub struct PointOptions {
     pub clean: bool,
     /// Where the scanner stood that saw all points, in the coordinates of the file: estimated normals face it.
     pub scanner: Option<DVec3>,
+    /// Radius of all points, model units, > 0, in place of those of the file and of estimates.
+    pub radius: Option<f64>,
 }
 
 impl Default for PointOptions {
     fn default() -> Self {
-        Self { every: 1, classes: Vec::new(), clean: false, scanner: None }
+        Self { every: 1, classes: Vec::new(), clean: false, scanner: None, radius: None }
     }
 }
 

@@ -183,6 +183,9 @@ pub struct Surfels {
     /// True if the signs of normals were estimated from the shape of the cloud. They point out of a closed surface, so
     /// a viewer inside it sees only backs. Scene files then show both sides to a camera within the model's box.
     pub signs_estimated: bool,
+    /// True if they are no discs but spheres: the length of an axis is the radius, and normals mean nothing
+    /// (docs/math.md, section 19).
+    pub spheres: bool,
 }
 
 impl Surfels {

@@ -22,8 +22,12 @@ const LOOSE: f64 = 0.05;
 
 impl Surfels {
     /// Depth tolerance of the visibility rule where nobody chose one, model space: the median radius of a surface, and
-    /// a part of it where overlapping neighbours cross, so that the surfels are no surface.
+    /// a part of it where overlapping neighbours cross, so that the surfels are no surface. Spheres hide what is
+    /// behind them: theirs is 0.
     pub fn tolerance(&self) -> f32 {
+        if self.spheres {
+            return 0.0;
+        }
         let [from, to] = SHARES;
         let loose = ((self.crossing() - from) / (to - from)).clamp(0.0, 1.0);
         (f64::from(self.median_radius()) * libm::pow(LOOSE, loose)) as f32

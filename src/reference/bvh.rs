@@ -94,6 +94,8 @@ pub(super) struct Bvh<'a> {
     pub radius: f64,
     /// The triangles that it holds; `None`: it holds surfels.
     pub surface: Option<MeshSurface<'a>>,
+    /// Are its surfels spheres? The length of the first axis is their radius.
+    pub spheres: bool,
 }
 
 /// The columns of what a hierarchy holds, as leaves have them, and the number of each.
@@ -127,6 +129,7 @@ impl<'a> Bvh<'a> {
         let columns = Elements { centre: &surfels.position, u: &surfels.axis_u, v: &surfels.axis_v, number: None };
         let mut bvh = Self::of(&columns, boxes);
         let moving = if paths.is_empty() { &[] } else { bvh.leaves.as_slice() };
+        bvh.spheres = surfels.spheres;
         bvh.rates = moving.iter().map(|leaf| Rates::of(leaf, paths)).collect();
         bvh
     }
@@ -152,7 +155,7 @@ impl<'a> Bvh<'a> {
             .reduce(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)));
         if !(whole.0.cmple(whole.1).all()) {
             let (nodes, leaves, rates) = Default::default();
-            return Self { nodes, leaves, rates, centre: DVec3::ZERO, radius: 0.0, surface: None };
+            return Self { nodes, leaves, rates, centre: DVec3::ZERO, radius: 0.0, surface: None, spheres: false };
         }
         let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
         let centre = 0.5 * (low + high);
@@ -180,7 +183,7 @@ impl<'a> Bvh<'a> {
             Collapse { tree: &tree, index: &index, elements, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
         collapse.run();
         let (nodes, leaves) = collapse.out;
-        Self { nodes, leaves, rates: Vec::new(), centre, radius, surface: None }
+        Self { nodes, leaves, rates: Vec::new(), centre, radius, surface: None, spheres: false }
     }
 
     /// Memory of nodes and leaves, bytes.
@@ -192,11 +195,12 @@ impl<'a> Bvh<'a> {
 
 const NOTHING: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
 
-/// Box of an elliptical disc. The disc's extent along an axis e is sqrt((u.e)^2 + (v.e)^2). The padding covers the
+/// Box of an elliptical disc, or of a sphere. The disc's extent along an axis e is sqrt((u.e)^2 + (v.e)^2). The padding covers the
 /// rounding.
 fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
     let (c, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
-    let half_size = (u * u + v * v).map(f32::sqrt);
+    let half_size =
+        if surfels.spheres { Vec3::splat(u.length() * (1.0 + f32::EPSILON)) } else { (u * u + v * v).map(f32::sqrt) };
     (c - half_size, c + half_size)
 }
 

@@ -302,10 +302,12 @@ impl<'w, 'a> Follower<'w, 'a> {
                 continue;
             }
             let i = hit.element as usize;
-            normal += body.surfels.normal[i].as_dvec3() * w;
             let place =
                 |body: &Body<'_>, elapsed| body.object.shape.paths().exact_place(body.surfels.position[i], i, elapsed);
-            shift += (place(later, elapsed) - place(body, point.target?.elapsed)) * w;
+            let before = place(body, point.target?.elapsed);
+            let own = if body.surfels.spheres { point.model - before } else { body.surfels.normal[i].as_dvec3() };
+            normal += own * w;
+            shift += (place(later, elapsed) - before) * w;
         }
         let shift = if weight > 0.0 { shift / weight } else { shift };
         let cameras = [camera_at(world, body, from), camera_at(world, later, to)];
@@ -324,7 +326,8 @@ impl<'w, 'a> Follower<'w, 'a> {
             return None;
         }
         let film = world.film(p);
-        let both = world.options.look.two_sided || later.surface.two_sided;
+        // Nobody sees the back of a sphere of points.
+        let both = (world.options.look.two_sided || later.surface.two_sided) && !body.surfels.spheres;
         film.iter().all(|c| c.is_finite()).then_some((film, depth, side[0] == side[1], both))
     }
 }

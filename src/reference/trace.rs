@@ -391,7 +391,8 @@ impl HitPoint {
             let paths = body.object.shape.paths();
             own_velocity = paths.velocity(i, target.elapsed.map(|factor| factor as f32)).as_dvec3() * body.pace;
             let place = paths.exact_place(body.surfels.position[i], i, target.elapsed);
-            (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), place)
+            let normal = if body.surfels.spheres { point() - place } else { body.surfels.normal[i].as_dvec3() };
+            (body.surfels.colour[i], normal, place)
         };
         let normal = pose.normal(normal);
         Self {

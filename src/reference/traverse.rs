@@ -178,7 +178,7 @@ fn traverse_body(
         } else {
             let lanes = enter_rays(&bvh.nodes[at.node as usize], at.slot as usize, &boxes);
             let number = (number & !LEAF) as usize;
-            let elements = (&bvh.leaves[number], bvh.rates.get(number), bvh.surface.as_ref());
+            let elements = (&bvh.leaves[number], bvh.rates.get(number), bvh.surface.as_ref(), bvh.spheres);
             if lanes != 0 && leaf(elements, rays, lanes, found, &mut boxes, &starts) {
                 beam.limit = boxes.limit.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b });
             }
@@ -271,7 +271,7 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
 /// Intersects the rays `lanes` (bit mask) with the elements of a leaf. Returns true if a limit fell.
 #[inline(always)]
 fn leaf(
-    (leaf, rates, surface): (&Leaf, Option<&Rates>, Option<&MeshSurface<'_>>),
+    (leaf, rates, surface, spheres): (&Leaf, Option<&Rates>, Option<&MeshSurface<'_>>, bool),
     rays: &[ModelRay],
     mut lanes: u32,
     found: &mut [Found],
@@ -284,7 +284,13 @@ fn leaf(
         lanes &= lanes - 1;
         let ray = &rays[l];
         let found = &mut found[ray.lane];
+        let shift = |l: usize| {
+            let Some(Rates(columns)) = rates else { return [0.0; 3] };
+            [0, 1, 2]
+                .map(|axis| (0..3).map(|column| f64::from(columns[column][axis][l]) * ray.elapsed[column]).sum::<f64>())
+        };
         let fell_now = match (surface, rates) {
+            _ if spheres => intersect_spheres(leaf, ray, found, shift),
             (Some(surface), _) => intersect::<true>(
                 leaf,
                 ray,
@@ -293,14 +299,7 @@ fn leaf(
                 |triangle, weight| !surface.is_cut_out(triangle, weight),
             ),
             (None, None) => intersect::<false>(leaf, ray, found, |_| [0.0; 3], |_, _| true),
-            (None, Some(Rates(columns))) => {
-                let shift = |l: usize| {
-                    [0, 1, 2].map(|axis| {
-                        (0..3).map(|column| f64::from(columns[column][axis][l]) * ray.elapsed[column]).sum::<f64>()
-                    })
-                };
-                intersect::<false>(leaf, ray, found, shift, |_, _| true)
-            }
+            (None, Some(_)) => intersect::<false>(leaf, ray, found, shift, |_, _| true),
         };
         if fell_now {
             boxes.limit[l] = above(found.limit - starts[l]);
@@ -308,6 +307,28 @@ fn leaf(
         }
     }
     fell
+}
+
+/// Intersects a ray with the spheres of a leaf, each shifted, where it enters them: nobody sees one from inside. Returns
+/// true if the limit fell.
+fn intersect_spheres(leaf: &Leaf, ray: &ModelRay, found: &mut Found, shift: impl Fn(usize) -> [f64; 3]) -> bool {
+    let before = found.limit;
+    let d2 = ray.direction.length_squared();
+    for l in 0..LANES {
+        let at = |v: &[[f32; LANES]; 3]| DVec3::new(v[0][l].into(), v[1][l].into(), v[2][l].into());
+        let centre = at(&leaf.centre) + DVec3::from(shift(l)) - ray.origin;
+        let middle = centre.dot(ray.direction) / d2;
+        let beside2 = (ray.direction * middle - centre).length_squared();
+        // Not a number where there is none.
+        let half2 = (at(&leaf.u).length_squared() - beside2) / d2;
+        let depth = middle - half2.sqrt();
+        if depth >= ray.near && depth <= found.limit {
+            let (object, element) = (ray.object, leaf.element[l]);
+            found.hits.push(Hit { object, element, depth, u: 0.0, v: 0.0, back: false, is_even: true });
+            found.limit = found.limit.min(depth + ray.epsilon.max(LEAST_EPSILON * depth));
+        }
+    }
+    found.limit < before
 }
 
 /// Intersects a ray with the elements of a leaf, each shifted. A hit counts where `is_there` says so of the element and

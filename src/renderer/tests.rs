@@ -83,9 +83,9 @@ fn a_sequence_ends_with_its_first_error() {
         assert!(matches!(&frames[..], [Err(error)] if error.contains(what)), "{frames:?}");
     };
     refused(&scene(), 1, "RenderOptions::memory");
-    let mut ideal = Object::new(crate::model::Surfels::default());
-    ideal.shape = Sphere { radius: 1.0, colour: glam::Vec3::ONE }.into();
-    refused(&Scene::new([ideal]), 1 << 30, "ideal sphere");
+    let mut squashed = Object::new(Sphere { radius: 1.0, colour: glam::Vec3::ONE });
+    squashed.transform.scale.y = 2.0;
+    refused(&Scene::new([squashed]), 1 << 30, "has spheres");
     assert_eq!(numbers(&mut renderer, &scene(), &RenderOptions::default()).len(), 3);
 }
 

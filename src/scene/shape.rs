@@ -46,10 +46,12 @@ pub enum Shape {
         /// How the surface of all files looks.
         surface: Surface,
     },
-    /// An ideal sphere. Only the reference shows it; a renderer refuses it.
+    /// A sphere about the model's origin.
     Sphere {
         /// Its size and colour.
         sphere: Sphere,
+        /// The same as a model of one sphere, as `From<Sphere>` makes it.
+        model: SurfelModel,
         /// How its surface looks.
         surface: Surface,
     },
@@ -59,8 +61,8 @@ impl Shape {
     /// The surfels; `None` for other shapes.
     pub fn surfels(&self) -> Option<&SurfelModel> {
         match self {
-            Self::Surfels { model, .. } => Some(model),
-            Self::Gaussians { .. } | Self::Volume { .. } | Self::Sequence { .. } | Self::Sphere { .. } => None,
+            Self::Surfels { model, .. } | Self::Sphere { model, .. } => Some(model),
+            Self::Gaussians { .. } | Self::Volume { .. } | Self::Sequence { .. } => None,
         }
     }
 
@@ -109,7 +111,7 @@ impl Shape {
         }
     }
 
-    /// Number of surfels, Gaussians or kernels; 0 for a sequence and for a sphere.
+    /// Number of surfels, Gaussians or kernels; 0 for a sequence, 1 for a sphere.
     pub fn elements(&self) -> usize {
         self.positions().len()
     }
@@ -117,9 +119,9 @@ impl Shape {
     /// Centres of surfels, Gaussians or kernels, relative to [`Self::origin`]; none for other shapes.
     pub(crate) fn positions(&self) -> &[Vec3] {
         match self {
-            Self::Surfels { model, .. } => &model.surfels.position,
+            Self::Surfels { model, .. } | Self::Sphere { model, .. } => &model.surfels.position,
             Self::Gaussians { model, .. } | Self::Volume { model, .. } => &model.gaussians.position,
-            Self::Sequence { .. } | Self::Sphere { .. } => &[],
+            Self::Sequence { .. } => &[],
         }
     }
 
@@ -177,9 +179,9 @@ impl Shape {
     /// shape that has none.
     pub fn median_radius(&self) -> f32 {
         match self {
-            Self::Surfels { model, .. } => model.median_radius,
+            Self::Surfels { model, .. } | Self::Sphere { model, .. } => model.median_radius,
             Self::Gaussians { model, .. } | Self::Volume { model, .. } => model.median_radius,
-            Self::Sequence { .. } | Self::Sphere { .. } => 0.0,
+            Self::Sequence { .. } => 0.0,
         }
     }
 
@@ -187,7 +189,7 @@ impl Shape {
     /// Gaussians the distance by which they may lie behind surfels.
     pub fn tolerance(&self) -> f32 {
         match self {
-            Self::Surfels { model, .. } => model.tolerance,
+            Self::Surfels { model, .. } | Self::Sphere { model, .. } => model.tolerance,
             _ => self.median_radius(),
         }
     }
@@ -358,7 +360,18 @@ impl From<Gaussians> for Shape {
 
 impl From<Sphere> for Shape {
     fn from(sphere: Sphere) -> Self {
-        Self::Sphere { sphere, surface: Surface::default() }
+        let [u, v] = crate::model::sphere_axes(sphere.radius as f32);
+        let surfels = Surfels {
+            position: vec![Vec3::ZERO],
+            axis_u: vec![u],
+            axis_v: vec![v],
+            normal: vec![Vec3::Z],
+            colour: vec![sphere.colour],
+            two_sided: true,
+            spheres: true,
+            ..Surfels::default()
+        };
+        Self::Sphere { sphere, model: SurfelModel::from(surfels), surface: Surface::default() }
     }
 }
 

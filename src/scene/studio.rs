@@ -154,7 +154,7 @@ fn is_ground(object: &Object) -> bool {
 fn is_scan(model: &SurfelModel) -> bool {
     let surfels = model.surfels();
     let is_one = surfels.material.iter().all(|material| *material == surfels.material[0]);
-    let plain = is_one && model.paths().is_empty() && !model.is_mesh();
+    let plain = is_one && model.paths().is_empty() && !model.is_mesh() && !surfels.spheres;
     plain && surfels.colour.iter().any(|colour| *colour != surfels.colour[0])
 }
 

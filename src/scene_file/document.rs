@@ -339,6 +339,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
     });
     let kind = model.choice("kind")?.map(|word| match word.as_str() {
         "surfels" => Kind::Surfels,
+        "spheres" => Kind::Spheres,
         "volume" => Kind::Volume,
         _ => Kind::Gaussians,
     });
@@ -400,6 +401,7 @@ fn points(model: &Part<'_>) -> Result<PointOptions, SceneError> {
         classes,
         clean: model.boolean("clean")?,
         scanner: model.optional_vector("scannerPosition")?,
+        radius: model.optional_number("radius")?,
     })
 }
 
@@ -423,8 +425,8 @@ fn shape(model: &Part<'_>) -> Result<ShapeSpec, SceneError> {
     let expected = "one number such as %d or %04d in the names of files";
     let pattern = Pattern::parse(&text.replace('\\', "/"))
         .ok_or_else(|| model.bad("sequence", &format!("\"{text}\""), expected.to_owned()))?;
-    if let Some(kind) = model.choice("kind")?.filter(|kind| kind != "surfels") {
-        return Err(model.bad("kind", &quoted(&kind), "surfels: a sequence shows nothing else".to_owned()));
+    if let Some(kind) = model.choice("kind")?.filter(|kind| kind != "surfels" && kind != "spheres") {
+        return Err(model.bad("kind", &quoted(&kind), "surfels or spheres: a sequence shows nothing else".to_owned()));
     }
     let needed = |name: &'static str| {
         let number = model.integer(name)?;

@@ -27,7 +27,7 @@ use glam::DVec3;
 use crate::files;
 use crate::image::{Display, ViewTransform};
 use crate::math::Trs;
-use crate::model::{self, LoadProgress, ModelError, ModelFormat};
+use crate::model::{self, Kind, LoadProgress, ModelError, ModelFormat};
 use crate::options::words;
 use crate::scene::{Camera, Object, Scene, Studio, StudioLight, StudioOptions};
 use crate::time::Readout;
@@ -50,6 +50,10 @@ pub struct SceneLoadOptions<'a> {
     /// The axis that is up in a model file that does not say so; `None`: z in LAS and E57, y in all others. Scene files
     /// say it of each object.
     pub up: Option<Up>,
+    /// What a model alone is drawn as; `None`: as its file is. Scene files say it of each object.
+    pub kind: Option<Kind>,
+    /// Radius of all points of a model alone, model units. Scene files say it of each object.
+    pub radius: Option<f64>,
     /// When the shutter opens and closes on a model alone, frames around the frame number; its camera in a studio
     /// depends on it. Scene files say it themselves.
     pub shutter: Option<(f64, f64)>,
@@ -153,11 +157,14 @@ type Alone = (Scene, Vec<String>, Option<Studio>);
 fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, ModelError> {
     let silent = |_: &str, _: f32| {};
     let progress = options.progress.unwrap_or(&silent);
-    let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;
+    let points = model::PointOptions { radius: options.radius, ..model::PointOptions::default() };
+    let of_model = model::LoadOptions { kind: options.kind, points, ..model::LoadOptions::default() };
+    let loaded = model::load(path, &resolve::coarse(of_model.clone()), progress)?;
     let mut notes: Vec<String> = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
     let mesh = loaded.mesh().cloned();
     let mut object = Object::new(loaded);
     path.clone_into(&mut object.source.path);
+    object.source.options = of_model;
     notes.extend(stand(&mut object, options.up, path));
     let shape = object.shape.clone();
     let mut scene = Scene::new([object]);

@@ -400,9 +400,9 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             row(
                 "kind",
-                ValueKind::Choice(&["surfels", "gaussians", "volume"]),
+                ValueKind::Choice(&["surfels", "spheres", "gaussians", "volume"]),
                 Auto("gaussians for captures, volume for volumes, else surfels"),
-                "what is drawn: opaque discs, a capture's transparent Gaussians, or a volume's kernels",
+                "what is drawn: opaque discs, spheres, a capture's transparent Gaussians, or a volume's kernels",
             ),
             row(
                 "spacing",
@@ -462,6 +462,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("every", ValueKind::Integer(1, MOST_NUMBER), Value("1"), "every n-th point of a cloud is taken"),
             row("classes", ValueKind::Text, Auto("all"), "classes of LAS that are taken, as 2,6"),
             row("clean", ValueKind::Boolean, Value("false"), "true: stray points of a cloud are left out"),
+            row(
+                "radius",
+                ValueKind::Number(limits::LENGTH),
+                Auto("that of each point, else estimated"),
+                "radius of all points of a cloud, model units",
+            ),
             row(
                 "scannerPosition",
                 ValueKind::Vector(COORDINATE),

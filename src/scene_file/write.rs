@@ -246,6 +246,7 @@ impl Xml {
         attributes.extend(kind.map(|kind| {
             let word = match kind {
                 Kind::Surfels => "surfels",
+                Kind::Spheres => "spheres",
                 Kind::Gaussians => "gaussians",
                 Kind::Volume => "volume",
             };
@@ -267,7 +268,7 @@ impl Xml {
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
         attributes.extend(node.clone().map(|node| ("node", node)));
-        let PointOptions { every, classes, clean, scanner } = points;
+        let PointOptions { every, classes, clean, scanner, radius } = points;
         if *every > 1 {
             attributes.push(("every", every.to_string()));
         }
@@ -279,6 +280,7 @@ impl Xml {
             attributes.push(("clean", "true".to_owned()));
         }
         attributes.extend(scanner.map(|place| ("scannerPosition", vector(place))));
+        attributes.extend(radius.map(|radius| ("radius", number(radius))));
         if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.shape.drawing(object.opacity) {
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
             if let Some([min, max]) = crop {

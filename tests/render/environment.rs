@@ -16,7 +16,7 @@ use splatblur::options::{
 };
 use splatblur::reference::{self, ReferenceError, ReferenceOptions};
 use splatblur::renderer::{Device, Renderer, render_frame};
-use splatblur::scene::{Motion, Object, Scene, Shape, Sphere};
+use splatblur::scene::{Motion, Object, Scene, Sphere};
 
 use crate::support::{object, scene, sphere};
 
@@ -158,7 +158,8 @@ fn a_ball_mirrors_its_surroundings() {
 fn the_reference_mirrors_too() {
     let mut scene = mirror(environment(cells(30.0), 512));
     let surface = *scene.objects[0].shape.surface().unwrap();
-    scene.objects[0].shape = Shape::Sphere { sphere: Sphere { radius: 1.0, colour: Vec3::ONE }, surface };
+    scene.objects[0].shape = Sphere { radius: 1.0, colour: Vec3::ONE }.into();
+    *scene.objects[0].shape.surface_mut().unwrap() = surface;
     let want = exact_ball(16, cells(30.0));
     for shading in [Shading::Phong, Shading::Gouraud] {
         let options =

@@ -33,6 +33,7 @@ mod sequences;
 mod shadow_receivers;
 mod shadows;
 mod sky;
+mod spheres;
 mod static_objects;
 mod symmetries;
 mod tolerances;

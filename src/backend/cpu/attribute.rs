@@ -3,6 +3,7 @@
 use super::patch;
 use super::tiles::LANES;
 use crate::layout::Channels;
+use glam::Mat3;
 
 /// What the pass needs beside splats and thresholds.
 #[derive(Clone, Copy, Debug)]
@@ -12,6 +13,8 @@ pub(in crate::backend) struct Attributes<'a> {
     pub share: f32,
     /// A number for each channel of each splat.
     pub values: &'a [f32],
+    /// The axes of the object's camera in the world, as [`PosedObject::world_from_view`].
+    pub world_from_view: Mat3,
 }
 
 impl Attributes<'_> {

@@ -3,6 +3,7 @@
 
 use super::tiles::{LANES, TileRect};
 use crate::layout::Splat;
+use crate::math::sphere;
 
 /// Splats of no more columns are worked on in patches of two rows.
 pub(in crate::backend) const NARROW: usize = LANES / 2;
@@ -54,6 +55,8 @@ pub(in crate::backend) struct Hit {
     /// Distance from the splat's reference, pixels.
     pub x: f32,
     pub y: f32,
+    /// Coordinates on its plane times the inverse depth of the plane.
+    pub uv: [f32; 2],
     pub inverse_depth: f32,
     /// (u^2 + v^2) times the squared inverse depth.
     pub scaled_r2: f32,
@@ -71,9 +74,15 @@ impl<const W: usize> Patch<W> {
         Self { first: pixel(x, y), last: pixel(touched.x1, touched.y1) }
     }
 
-    /// Lane `l` of the patch.
+    /// Lane `l` of the patch, of a disc.
     #[inline(always)]
     pub(in crate::backend) fn at(&self, splat: &Splat, l: usize) -> Hit {
+        self.met::<false>(splat, l)
+    }
+
+    /// Lane `l` of the patch. `SPHERE`: the splat may be a sphere.
+    #[inline(always)]
+    pub(in crate::backend) fn met<const SPHERE: bool>(&self, splat: &Splat, l: usize) -> Hit {
         let (column, row) = (self.first[0] + (l % W) as f32, self.first[1] + (l / W) as f32);
         let x = column + 0.5 - splat.reference[0];
         let y = row + 0.5 - splat.reference[1];
@@ -81,7 +90,16 @@ impl<const W: usize> Patch<W> {
         let (inverse_depth, u, v) = (form(splat.inverse_depth), form(splat.u), form(splat.v));
         let scaled_r2 = u * u + v * v;
         let inside = (inverse_depth > 0.0) & (scaled_r2 <= inverse_depth * inverse_depth);
-        Hit { x, y, inverse_depth, scaled_r2, inside, wanted: (column <= self.last[0]) & (row <= self.last[1]) }
+        let (mut inverse_depth, mut scaled_r2) = (inverse_depth, scaled_r2);
+        if SPHERE {
+            let depth = 1.0 / inverse_depth;
+            let bulge = sphere::bulge(splat.sine(), scaled_r2 * (depth * depth));
+            inverse_depth *= bulge;
+            // The place on the plane stays: it is r2 times the squared depth.
+            scaled_r2 *= bulge * bulge;
+        }
+        let wanted = (column <= self.last[0]) & (row <= self.last[1]);
+        Hit { x, y, uv: [u, v], inverse_depth, scaled_r2, inside, wanted }
     }
 }
 

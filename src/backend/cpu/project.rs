@@ -14,6 +14,7 @@ use crate::backend::clusters::{Clusters, Window};
 use crate::frame::{Blocks, PixelRect, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
+use crate::math::sphere;
 use crate::model::Surfels;
 use crate::model::paths::Paths;
 
@@ -192,11 +193,15 @@ fn project_lanes<S: Sink>(view: &SurfelView<'_>, run: &Run, first: usize, n: usi
     if !view.two_sided && !view.object.moves && all_face_away(view.object.eye, &position, &axis_u, &axis_v) {
         return;
     }
-    let posed = PosedLanes {
+    let mut posed = PosedLanes {
         centre: transform(&view.object.centre_from_model, view.object.centre_origin, &position),
         u: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_u),
         v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
+        sine: [0.0; LANES],
     };
+    if view.object.spheres != 0.0 {
+        (0..LANES).for_each(|l| posed.face_eye(view, &axis_u, l));
+    }
     let mut shape = SplatLanes::default();
     let mut of_sink = S::Lanes::default();
     for l in 0..LANES {
@@ -228,6 +233,7 @@ fn project_landing<const AXIS: usize, S: Sink>(
         centre: transform(&object.centre_from_model, object.centre_origin, &position),
         u: transform(&object.screen_from_model, Vec3::ZERO, &axis_u),
         v: transform(&object.screen_from_model, Vec3::ZERO, &axis_v),
+        sine: [0.0; LANES],
     };
     let motion = [
         transform(&object.motion_from_model, object.motion_origin, &position),
@@ -246,6 +252,9 @@ fn project_landing<const AXIS: usize, S: Sink>(
             posed.centre[i][l] += landing.time * travel[i];
             posed.u[i][l] += landing.time * motion[1][i][l];
             posed.v[i][l] += landing.time * motion[2][i][l];
+        }
+        if object.spheres != 0.0 {
+            posed.face_eye(view, &axis_u, l);
         }
         let projected = project_lane::<AXIS>(view, &posed, l, Some(&landing), &mut shape);
         out.lane(&projected, l, &mut of_sink);
@@ -290,6 +299,26 @@ struct PosedLanes {
     centre: [Lanes; 3],
     u: [Lanes; 3],
     v: [Lanes; 3],
+    /// Of spheres: radius over distance. Else 0.
+    sine: Lanes,
+}
+
+impl PosedLanes {
+    /// Turns a disc into that of a sphere, whose radius is the length of `axis` in the model.
+    #[inline(always)]
+    fn face_eye(&mut self, view: &SurfelView<'_>, axis: &[Lanes; 3], l: usize) {
+        let focal = view.raster.focal;
+        let radius = (axis[0][l] * axis[0][l] + axis[1][l] * axis[1][l] + axis[2][l] * axis[2][l]).sqrt();
+        let [x, y, depth] = [0, 1, 2].map(|i: usize| self.centre[i][l]);
+        let disc = sphere::outline([x / focal, y / focal, depth], radius * view.object.spheres);
+        let [u, v] = disc.across;
+        for i in 0..3 {
+            let scale = disc.radius * if i < 2 { focal } else { 1.0 };
+            self.centre[i][l] *= disc.nearer;
+            (self.u[i][l], self.v[i][l]) = (u[i] * scale, v[i] * scale);
+        }
+        self.sine[l] = disc.sine;
+    }
 }
 
 /// Does every surfel clearly show its back to the eye, by more than rounding? In model space.
@@ -407,7 +436,8 @@ fn project_lane<const AXIS: usize>(
     shape.u[1][l] = -vx * over_area;
     shape.v[0][l] = -uy * over_area;
     shape.v[1][l] = ux * over_area;
-    shape.centre_depth[l] = if depth >= view.near { depth } else { 0.0 };
+    let of_disc = if depth >= view.near { depth } else { 0.0 };
+    shape.centre_depth[l] = if posed.sine[l] > 0.0 { -posed.sine[l] } else { of_disc };
     let corner = [view.corner[0] as f32, view.corner[1] as f32];
     shape.bounds[0][l] = whole(columns.0 - corner[0]);
     shape.bounds[1][l] = whole(columns.1 - corner[0]);
@@ -461,7 +491,7 @@ fn push_crossing(view: &SurfelView<'_>, posed: &PosedLanes, l: usize, surfel: u3
         inverse_depth: (normal * over).to_array(),
         u: (v.cross(c) * over).to_array(),
         v: (c.cross(u) * over).to_array(),
-        centre_depth: 0.0,
+        centre_depth: 0.0 - posed.sine[l],
         bounds,
         surfel,
         flags: if det * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },

@@ -97,6 +97,7 @@ impl Scope<'_> {
         let sample = &self.group.samples[chunk.sample];
         Attributes {
             channels: self.channels,
+            world_from_view: sample.objects[chunk.object].world_from_view,
             share: if self.frame.objects[chunk.object].is_static { 1.0 } else { self.share(sample.weight) },
             values,
         }

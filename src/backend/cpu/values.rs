@@ -125,7 +125,19 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
     if shown.object.catcher {
         colour = [[1.0; LANES]; 3];
     }
-    if gouraud || channels.normal.is_some() {
+    let places = |position: &mut [Lanes; 3]| {
+        for l in 0..LANES {
+            let i = faces[l].0 as usize;
+            (position[0][l], position[1][l], position[2][l]) =
+                paths.place(surfels.position[i], i, posed.elapsed).into();
+        }
+        *position = transform(&posed.world_from_model, posed.world_origin, position);
+    };
+    if posed.spheres != 0.0 {
+        // Its disc faces the eye. Pixels bend it (paint/attribute.rs).
+        places(&mut position);
+        normal = unit(position.map(|axis| axis.map(|v| -v)));
+    } else if gouraud || channels.normal.is_some() {
         for l in 0..LANES {
             let (surfel, flags) = faces[l];
             let side = if flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
@@ -152,12 +164,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Show
         }
     }
     if gouraud {
-        for l in 0..LANES {
-            let i = faces[l].0 as usize;
-            (position[0][l], position[1][l], position[2][l]) =
-                paths.place(surfels.position[i], i, posed.elapsed).into();
-        }
-        let position = transform(&posed.world_from_model, posed.world_origin, &position);
+        places(&mut position);
         let view = unit(position.map(|axis| axis.map(|v| -v)));
         let moved = shown.middle.map(|middle| Moved::of(posed, middle, surfels, &paths, &faces.map(|face| face.0)));
         colour = lit(shown, &colour, &normal, &position, moved.as_ref(), &view, &of_material);

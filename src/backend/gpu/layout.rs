@@ -168,6 +168,7 @@ pub(in crate::backend) struct Segment {
     pub columns: u32,
     pub view: u32,
     pub middle: u32,
+    pub axes: [[f32; 4]; 3],
 }
 
 /// A light of one sample, or two terms of one from all around.
@@ -309,6 +310,7 @@ impl Segment {
             advance: factors(posed.advance),
             turn: rows(&posed.normal_motion, Vec3::ZERO),
             pace: posed.pace,
+            axes: rows(&posed.world_from_view, Vec3::new(posed.spheres, 0.0, 0.0)),
             columns: 9 + 3 * object.shape.paths().order() as u32,
             ..Self::zeroed()
         }

@@ -20,6 +20,7 @@ pub(super) const INCLUDES: &str = "// Includes:";
 /// Files that others include. The table of passes has all others.
 pub(super) const FILES: &[File] = files![
     "common/at_once.wgsl",
+    "common/ball.wgsl",
     "common/bounds.wgsl",
     "common/chance.wgsl",
     "common/channels.wgsl",
@@ -38,6 +39,7 @@ pub(super) const FILES: &[File] = files![
     "common/ray.wgsl",
     "common/segment.wgsl",
     "common/shading.wgsl",
+    "common/sphere.wgsl",
     "common/srgb.wgsl",
     "common/sweep.wgsl",
     "common/swept.wgsl",
@@ -48,6 +50,7 @@ pub(super) const FILES: &[File] = files![
     "common/views.wgsl",
     "common/wanted.wgsl",
     "common/work.wgsl",
+    "paint/bend.wgsl",
     "paint/both_walks.wgsl",
     "paint/entries.wgsl",
     "paint/kernel.wgsl",

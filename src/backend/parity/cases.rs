@@ -245,6 +245,8 @@ pub(super) fn all() -> Vec<Case> {
         case("tolerances", nested([70, 45]), unfiltered(BlurMode::supersample(2))),
         case("tolerances, bucket", nested([70, 45]), unfiltered(bucket(Interleave::None))),
         case("walls", walls(), unfiltered(BlurMode::supersample(2))),
+        case("spheres", spheres([150, 140]), options(BlurMode::supersample(2))),
+        case("spheres, bucket", spheres([70, 45]), unfiltered(bucket(Interleave::None))),
         // Surfels are much smaller than pixels: all levels of their texture.
         case(
             "far",
@@ -252,6 +254,19 @@ pub(super) fn all() -> Vec<Case> {
             RenderOptions { prefilter: Prefilter::None, ..options(BlurMode::supersample(1)) },
         ),
     ]
+}
+
+/// Spheres beside discs: one of them about the eye, some through the camera's plane, and some within each other.
+fn spheres(size: [u32; 2]) -> Scene {
+    let as_spheres = |surfels: &Surfels| {
+        let mut surfels = surfels.clone();
+        (surfels.spheres, surfels.two_sided) = (true, true);
+        SurfelModel::checked(Arc::new(surfels))
+    };
+    let mut scene = two_balls(size);
+    scene.objects[1].shape = as_spheres(&ball(300, 2, false)).into();
+    scene.objects.push(object(as_spheres(hard().surfels()), DVec3::ZERO));
+    scene
 }
 
 /// Two objects of other tolerances, each of some discs behind each other that are larger than the image, and move.

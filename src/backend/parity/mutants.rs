@@ -148,7 +148,7 @@ static ROUNDED: [(&str, &str); 15] = [
     ("splat.inverse_depth[0] * out.x", "1.0000001 * splat.inverse_depth[0] * out.x"),
     ("splat.u[0] * out.x", "1.0000001 * splat.u[0] * out.x"),
     ("splat.v[1] * out.y", "1.0000001 * splat.v[1] * out.y"),
-    ("u * u + v * v;", "1.0000001 * u * u + v * v;"),
+    ("out.u * out.u + out.v * out.v;", "1.0000001 * out.u * out.u + out.v * out.v;"),
     ("plane_depth = 1.0 / at", "plane_depth = 1.0000001 / at"),
     ("p = p * y + 0.18394206", "p = 1.0000001 * p * y + 0.18394206"),
     ("(*sum).red += weight * values[next]", "(*sum).red += 1.0000001 * weight * values[next]"),

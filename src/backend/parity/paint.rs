@@ -333,7 +333,7 @@ fn filtered_passes_agree() {
     }
 }
 
-static MUTANTS: [Mutant; 50] = [
+static MUTANTS: [Mutant; 58] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -352,7 +352,15 @@ static MUTANTS: [Mutant; 50] = [
     ([("4.0 * yy)", "4.0 * xx)")], "supersample"),
     ([("let factor = geometry[columns", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
+    ([("u = disc.u * vec3<f32>(view.focal, view.focal, 1.0)", "u = disc.u * view.focal")], "spheres"),
+    ([("        c *= disc.nearer;\n", "")], "spheres"),
+    (
+        [("return Outline(cosine * cosine, axes.u * (radius * cosine)", "return Outline(cosine, axes.u * radius")],
+        "spheres",
+    ),
+    ([("        sine = disc.sine;\n", "")], "spheres"),
     // Pass `visibility`.
+    ([("return 1.0 - splat.centre_depth * height(r2)", "return Floats(1.0)")], "spheres"),
     ([("vec2<i32>(-i32(reach))", "vec2<i32>(0)")], "supersample"),
     ([("column), depth, depth + tolerance", "column), depth, depth")], "supersample"),
     ([("i < guarded_quads(); i += INVOCATIONS", "i < guarded_quads(); i += 2u * INVOCATIONS")], "wide"),
@@ -382,12 +390,12 @@ static MUTANTS: [Mutant; 50] = [
     ([("limit_of(met.tolerance, least, nearest)", "least")], "tolerances"),
     ([("next = behind & (seen.depth <= pixels.second)", "next = behind")], "supersample"),
     ([("weight * peak_of(splat)", "weight")], "supersample"),
-    (
-        [("add_to_layer(front, slot, splat, seen, place.before)", "add_to_layer(front, slot, splat, seen, next)")],
-        "supersample",
-    ),
+    ([("slot, splat, seen, place.before, pixels)", "slot, splat, seen, next, pixels)")], "supersample"),
     ([("last & seen.disc)", "seen.disc)")], "supersample"),
     ([("seen.weight, Floats(1.0), seen.disc", "seen.weight, Floats(2.0), seen.disc")], "bucket"),
+    ([("normal = unit(-apply(segment.world, placed(at)))", "normal = unit(turned_normal)")], "spheres"),
+    ([("(1.0 - sine) * (1.0 - high) * over", "(1.0 - high) * over")], "spheres"),
+    ([("along_u * across_u.x + along_v * across_v.x", "along_u * across_u.x")], "spheres"),
     // Pass `resolve`.
     ([("0.5 * (weight + abs(", "0.5 * (weight + (")], "supersample"),
     ([("min(coverage, left)", "coverage * left")], "supersample"),

@@ -241,6 +241,7 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels 
         levels: KeptLevels::default(),
         two_sided: false,
         signs_estimated: false,
+        spheres: false,
     }
 }
 

@@ -91,7 +91,7 @@ impl Files {
     pub(super) fn new(pattern: Pattern, mut options: model::LoadOptions) -> Self {
         // Vertices are points that can be followed; samples of faces are not.
         options.mesh.spacing = Spacing::None;
-        options.kind = Some(Kind::Surfels);
+        options.kind = options.kind.filter(|kind| *kind == Kind::Spheres).or(Some(Kind::Surfels));
         Self { pattern, options, held: Mutex::default() }
     }
 

@@ -10,8 +10,10 @@ use crate::backend::cpu::attribute::{Attributes, add_patch};
 use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
 use crate::backend::cpu::tiles::{LANES, Lanes, STRIDE, TileRect};
-use crate::layout::FLAG_BACK;
+use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
+use crate::math::sphere;
+use glam::Vec3;
 
 /// What the pass needs beside splats and depths.
 #[derive(Clone, Copy)]
@@ -112,6 +114,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
     let sight = filter.sight;
     let channels = filter.attributes.channels.count;
     let row = buffers.row;
+    let ball = if CROSSING { Ball::of(splat.disc(), values, filter) } else { None };
     let mut y = touched.y0;
     while y <= touched.y1 {
         let mut x = touched.x0;
@@ -127,6 +130,8 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                 if NEAREST { filter.depths.limit(depth, first[l], nearest[l]) } else { first[l] }
             };
             let at = y * row + x;
+            let bend = ball.as_ref().map(|ball| ball.bend(&patch));
+            let bend = bend.as_ref();
             let open = if K::FILTERED { open_pixels::<W>(&buffers.open, x, y) } else { 0 };
             let mut weights = [0.0_f32; LANES];
             let mut depths = [0.0_f32; LANES];
@@ -150,7 +155,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                     depths[l] = seen.depth;
                 }
                 let out = &mut buffers.sums[DepthLayer::Band as usize][at..];
-                add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
+                add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths, bend), false);
                 x += W;
                 continue;
             }
@@ -181,7 +186,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                 (0..LANES)
                     .for_each(|l| weights[l] = if depths[l] <= limit_of(depths[l], l) { weights[l] } else { 0.0 });
                 let out = &mut buffers.sums[DepthLayer::Band as usize][at..];
-                add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
+                add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths, bend), false);
             } else {
                 let next = patch::load::<W>(&buffers.second[y * STRIDE + x..], STRIDE);
                 let mut of_layer = [[0.0_f32; LANES]; 4];
@@ -198,7 +203,15 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                 for layer in DepthLayer::ALL {
                     if any[layer as usize] {
                         let out = &mut buffers.sums[layer as usize][at..];
-                        add_layer::<K, W>(out, row, splat, values, filter, (&of_layer[layer as usize], &depths), true);
+                        add_layer::<K, W>(
+                            out,
+                            row,
+                            splat,
+                            values,
+                            filter,
+                            (&of_layer[layer as usize], &depths, bend),
+                            true,
+                        );
                     }
                 }
                 if discs.iter().any(|&disc| disc > 0.0) {
@@ -209,6 +222,39 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
             x += W;
         }
         y += LANES / W;
+    }
+}
+
+/// A sphere, as its normals are told from its disc.
+struct Ball<'a> {
+    disc: &'a Splat,
+    /// From the eye to the sphere, and across that: world axes.
+    n: Vec3,
+    across: [Vec3; 2],
+}
+
+impl<'a> Ball<'a> {
+    /// `None` of a disc, and where nobody asks for normals.
+    fn of(disc: &'a Splat, values: &[f32], filter: &Filter<'_>) -> Option<Self> {
+        let at = filter.attributes.channels.normal.filter(|_| disc.is_sphere())?;
+        let n = -Vec3::new(values[at], values[at + 1], values[at + 2]);
+        let world_from_view = filter.attributes.world_from_view;
+        let across = sphere::across((world_from_view.transpose() * n).to_array());
+        Some(Self { disc, n, across: across.map(|axis| world_from_view * Vec3::from(axis)) })
+    }
+
+    /// What normals are more than that of the disc, at the pixels of a patch.
+    #[inline(always)]
+    fn bend<const W: usize>(&self, patch: &Patch<W>) -> [Lanes; 3] {
+        let mut out = [[0.0; LANES]; 3];
+        for l in 0..LANES {
+            let hit = patch.at(self.disc, l);
+            let depth = 1.0 / hit.inverse_depth;
+            let parts = sphere::bend(self.disc.sine(), hit.uv[0] * depth, hit.uv[1] * depth);
+            let bend = sphere::along(parts, self.across, self.n);
+            (out[0][l], out[1][l], out[2][l]) = bend.into();
+        }
+        out
     }
 }
 
@@ -224,7 +270,7 @@ fn open_pixels<const W: usize>(open: &[u32], x: usize, y: usize) -> u32 {
 }
 
 /// Adds the values of one splat to the sums of a layer that start at `out`, in rows `row` apart. `shown`: weights and
-/// depths. `extra`: the extra channels, too.
+/// depths, and of a sphere what its normals are more than those of its disc. `extra`: the extra channels, too.
 #[inline(always)]
 fn add_layer<K: Kernel, const W: usize>(
     out: &mut [f32],
@@ -232,10 +278,10 @@ fn add_layer<K: Kernel, const W: usize>(
     splat: &K,
     values: &[f32],
     filter: &Filter<'_>,
-    shown: (&Lanes, &Lanes),
+    shown: (&Lanes, &Lanes, Option<&[Lanes; 3]>),
     extra: bool,
 ) {
-    let (weights, depths) = shown;
+    let (weights, depths, bend) = shown;
     // Loops of a known length are unrolled: these are the channels of most pictures.
     match values.len() {
         7 => add_channels::<W, 7>(out, row, weights, values),
@@ -246,6 +292,13 @@ fn add_layer<K: Kernel, const W: usize>(
             for (channel, value) in values.iter().enumerate() {
                 add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
             }
+        }
+    }
+    if let (Some(bend), Some(normal)) = (bend, filter.attributes.channels.normal) {
+        for (c, bend) in bend.iter().enumerate() {
+            let mut moments = [0.0; LANES];
+            (0..LANES).for_each(|l| moments[l] = if weights[l] > 0.0 { weights[l] * bend[l] } else { 0.0 });
+            add_patch::<W>(&mut out[(normal + c) * STRIDE..], row, &moments, 1.0);
         }
     }
     if let Some(depth) = filter.attributes.channels.depth {

@@ -34,7 +34,7 @@ pub(in crate::backend) trait Kernel: Tiled + Faced + Wasteful + Copy + Send + Sy
     /// The pixels in which the kernel may have weight, as `PixelRect::bounds` has them.
     fn weight_bounds(&self) -> [u16; 4];
 
-    /// Is it a filtered kernel that reaches the camera plane? That one is not filtered.
+    /// Is it a sphere, or a filtered kernel that reaches the camera plane? These are not filtered.
     #[inline(always)]
     fn is_crossing(&self) -> bool {
         false
@@ -118,8 +118,13 @@ impl Kernel for Splat {
     }
 
     #[inline(always)]
+    fn is_crossing(&self) -> bool {
+        self.is_sphere()
+    }
+
+    #[inline(always)]
     fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen {
-        let hit = patch.at(self, l);
+        let hit = patch.met::<CROSSING>(self, l);
         let depth = 1.0 / hit.inverse_depth;
         let covers = sight.covers(&hit);
         let r2 = hit.scaled_r2 * (depth * depth);
@@ -166,7 +171,7 @@ impl Kernel for EwaSplat {
 
     #[inline(always)]
     fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen {
-        let hit = patch.at(&self.disc, l);
+        let hit = patch.met::<CROSSING>(&self.disc, l);
         let in_view = (hit.inverse_depth > 0.0) & (hit.inverse_depth <= sight.most_inverse_depth);
         let plane_depth = 1.0 / hit.inverse_depth;
         let form = |c: [f32; 2]| c[0] * hit.x + c[1] * hit.y;

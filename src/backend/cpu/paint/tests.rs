@@ -51,6 +51,8 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         world_origin: Vec3::ZERO,
         handedness: 1.0,
         epsilon: 0.0,
+        spheres: 0.0,
+        world_from_view: Mat3::IDENTITY,
     };
     let raster = Raster {
         size: [SIZE; 2],

@@ -28,7 +28,11 @@ fn visibility_body<K: Kernel>(splats: &[K], list: &[u32], depths: Depths, rect: 
         let Some(touched) = Touched::within(splat.bounds, rect) else { continue };
         macro_rules! lower {
             ($w:expr, $nearest:expr, $behind:expr) => {
-                lower::<$w, $nearest, $behind>(splat, &touched, depths, rect, buffers)
+                if splat.is_sphere() {
+                    lower::<$w, $nearest, $behind, true>(splat, &touched, depths, rect, buffers)
+                } else {
+                    lower::<$w, $nearest, $behind, false>(splat, &touched, depths, rect, buffers)
+                }
             };
         }
         // Only see-through surfels lie behind a floor: there nothing has a limit of its own.
@@ -43,9 +47,9 @@ fn visibility_body<K: Kernel>(splats: &[K], list: &[u32], depths: Depths, rect: 
     }
 }
 
-/// `NEAREST`: lowers the least depths, too. `BEHIND`: only discs behind the floor count.
+/// `NEAREST`: lowers the least depths, too. `BEHIND`: only discs behind the floor count. `SPHERE`: it is one.
 #[inline(always)]
-fn lower<const W: usize, const NEAREST: bool, const BEHIND: bool>(
+fn lower<const W: usize, const NEAREST: bool, const BEHIND: bool, const SPHERE: bool>(
     splat: &Splat,
     touched: &Touched,
     depths: Depths,
@@ -69,7 +73,7 @@ fn lower<const W: usize, const NEAREST: bool, const BEHIND: bool>(
                 floor = patch::load::<W>(&buffers.floor[at..], APRON_STRIDE);
             }
             for l in 0..LANES {
-                let hit = patch.at(splat, l);
+                let hit = patch.met::<SPHERE>(splat, l);
                 let depth = 1.0 / hit.inverse_depth;
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                 let covers = covers & (!BEHIND | (depth > floor[l]));
@@ -149,7 +153,7 @@ fn lower_second<K: Kernel, const NEAREST: bool>(
                 }
                 let mut out = patch::load::<LANES>(&buffers.second[y * STRIDE + x..], STRIDE);
                 for l in 0..LANES {
-                    let hit = patch.at(splat, l);
+                    let hit = patch.met::<true>(splat, l);
                     let depth = 1.0 / hit.inverse_depth;
                     let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                     let candidate = depth + depths.tolerance(depth);

@@ -32,7 +32,8 @@ dispatch! {
 fn of_splats_body<K: Kernel>(splats: &[K], rect: &TileRect, sight: &RasterRays) -> Waste {
     let mut waste = Waste::default();
     for splat in splats {
-        waste.visibility += count(splat.disc().bounds, rect, |patch, l| sight.covers(&patch.at(splat.disc(), l)));
+        waste.visibility +=
+            count(splat.disc().bounds, rect, |patch, l| sight.covers(&patch.met::<true>(splat.disc(), l)));
         let bounds = splat.weight_bounds();
         waste.attribute += if splat.is_crossing() {
             count(bounds, rect, |patch, l| splat.see::<_, true>(patch, l, sight).weight > 0.0)

@@ -55,6 +55,8 @@ fn posed(
         world_origin,
         handedness,
         epsilon: 0.0,
+        spheres: 0.0,
+        world_from_view: Mat3::IDENTITY,
     }
 }
 

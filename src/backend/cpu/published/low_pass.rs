@@ -82,9 +82,14 @@ impl Kernel for LowPassSplat {
     }
 
     #[inline(always)]
+    fn is_crossing(&self) -> bool {
+        self.0.is_sphere()
+    }
+
+    #[inline(always)]
     fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &RasterRays) -> Seen {
         let centre_depth = self.0.centre_depth;
-        let hit = patch.at(&self.0, l);
+        let hit = patch.met::<true>(&self.0, l);
         let plane_depth = 1.0 / hit.inverse_depth;
         let covers = sight.covers(&hit);
         let r3d = if covers { hit.scaled_r2 * (plane_depth * plane_depth) } else { f32::INFINITY };

@@ -76,6 +76,12 @@ impl Ground {
         half
     }
 
+    /// The same for spheres with these radii.
+    pub(super) fn of_balls(&self, radii: &Lanes) -> Lanes {
+        let length = self.linear.length();
+        radii.map(|radius| length * radius)
+    }
+
     /// The same for a box of the world.
     pub(super) fn of_box(&self, half: Vec3) -> f32 {
         self.in_world.abs().dot(half)

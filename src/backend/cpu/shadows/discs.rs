@@ -6,6 +6,7 @@ use super::splats::Disc;
 use super::view::LightView;
 use crate::backend::cpu::columns::point;
 use crate::backend::cpu::tiles::{LANES, Lanes};
+use crate::math::sphere;
 
 /// Surfels, or discs of Gaussians.
 pub(super) struct Discs {
@@ -31,6 +32,21 @@ impl Discs {
             }
         }
         out
+    }
+
+    /// Turns a disc into that of a sphere, as the light shows it: behind it is what the sphere hides.
+    #[inline(always)]
+    pub(super) fn face_light(&mut self, l: usize, radius: f32, is_point: bool) {
+        let mut scale = radius;
+        let mut across = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        if is_point {
+            let disc = sphere::outline([self.seen[0][l], self.seen[1][l], self.seen[2][l]], radius);
+            self.seen.iter_mut().for_each(|seen| seen[l] *= disc.nearer);
+            (scale, across) = (disc.radius, disc.across);
+        }
+        for (axis, across) in self.axes.iter_mut().zip(across) {
+            axis.iter_mut().zip(across).for_each(|(axis, across)| axis[l] = across * scale);
+        }
     }
 
     /// Centre, and then as the view shows it: centre, and axes.

@@ -315,7 +315,12 @@ fn receive_body(on: &Receivers<'_>, run: &Run<'_>, seen: &mut [Seen]) {
         }
         for (number, (view, ground)) in on.views.iter().zip(on.grounds).enumerate() {
             let places = view.places(&centres);
-            let (middle, half) = (ground.middles(&places), ground.of_discs(&run.seen_by(view).axes([&u, &v])));
+            let middle = ground.middles(&places);
+            let half = if run.are_balls() {
+                ground.of_balls(&run.balls(&u))
+            } else {
+                ground.of_discs(&run.seen_by(view).axes([&u, &v]))
+            };
             let (mut bounds, mut behind) = ([[[0.0; LANES]; 2]; 2], [0.0; LANES]);
             for l in 0..LANES {
                 for c in 0..2 {

@@ -77,7 +77,7 @@ impl<'a> Run<'a> {
         let range = first..(first + RUN).min(surfels.len());
         let cluster = known.unwrap_or_else(|| {
             let centres = range.clone().map(|i| paths.place(surfels.position[i], i, posed.elapsed));
-            Cluster::of(centres, &surfels.axis_u[range.clone()], &surfels.axis_v[range.clone()])
+            Cluster::of(surfels, range.clone(), centres)
         });
         let linear = posed.world_from_model;
         let [low, high] = cluster.corners;
@@ -134,10 +134,25 @@ impl<'a> Run<'a> {
         radii
     }
 
+    /// Radii of spheres with these axes in the model, world units; 0 of discs.
+    #[inline(always)]
+    pub(super) fn balls(&self, u: &[Lanes; 3]) -> Lanes {
+        let mut radii = [0.0; LANES];
+        for l in 0..LANES {
+            radii[l] = (u[0][l] * u[0][l] + u[1][l] * u[1][l] + u[2][l] * u[2][l]).sqrt() * self.object.spheres;
+        }
+        radii
+    }
+
+    /// Are they spheres?
+    pub(super) fn are_balls(&self) -> bool {
+        self.object.spheres != 0.0
+    }
+
     /// The surfels as `view` shows them.
     pub(super) fn seen_by<'b>(&'b self, view: &LightView) -> SeenRun<'b> {
         let from_model = view.turn(self.object.world_from_model);
-        SeenRun { run: self, from_model, origin: view.place(self.origin) }
+        SeenRun { run: self, from_model, origin: view.place(self.origin), is_point: view.is_point }
     }
 }
 
@@ -146,17 +161,23 @@ pub(super) struct SeenRun<'a> {
     pub run: &'a Run<'a>,
     from_model: Mat3,
     origin: Vec3,
+    is_point: bool,
 }
 
 impl SeenRun<'_> {
     /// Surfels of the model, as the view sees them.
     #[inline(always)]
     pub(super) fn discs(&self, [position, u, v]: &[[Lanes; 3]; 3]) -> Discs {
-        Discs {
+        let mut discs = Discs {
             centre: self.run.centres(position),
             seen: transform(&self.from_model, self.origin, position),
             axes: self.axes([u, v]),
+        };
+        if self.run.are_balls() {
+            let radii = self.run.balls(u);
+            (0..LANES).for_each(|l| discs.face_light(l, radii[l], self.is_point));
         }
+        discs
     }
 
     /// Axes of surfels of the model, in those of the view.

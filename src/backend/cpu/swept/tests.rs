@@ -63,6 +63,8 @@ impl Disc {
             world_origin: Vec3::ZERO,
             handedness: 1.0,
             epsilon: 0.0,
+            spheres: 0.0,
+            world_from_view: Mat3::IDENTITY,
         };
         let raster = Raster {
             size: [SIZE; 2],

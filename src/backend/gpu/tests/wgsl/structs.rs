@@ -112,7 +112,8 @@ fn shared() -> Vec<(&'static str, Layout)> {
             pace,
             columns,
             view,
-            middle
+            middle,
+            axes
         }),
         layout!(Light { vector, colour }),
         layout!(Status {
