@@ -17,7 +17,7 @@ const SEEDS: usize = 128;
 /// Points before and behind a seed, along a curve through space, that bound how far its nearest can be.
 const WINDOW: usize = 48;
 /// Share of the least variance in all of the variance of a neighbourhood, the median of all, from which points fill a
-/// volume. Points in a box have .2, those of scans with noise .004 (docs/measurements/spheres.md).
+/// volume. Particles have .16 to .18, surfaces .021 at most (docs/measurements/spheres.md).
 const FILLS: f64 = 0.1;
 /// Fewest seeds that tell it.
 const FEWEST: usize = 32;
