@@ -42,7 +42,7 @@ impl Stop {
 /// How much of a picture is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Done {
-    /// Rounds that were begun, from 1. A frame of mode auto, and a reference that stops at an error, take several
+    /// Rounds that were begun, from 1; 0 while a reference builds what it traces. A frame of mode auto, and a reference that stops at an error, take several
     /// rounds, and it is not known before how many; all others take one.
     pub round: u64,
     /// Finished share of this round, 0 to 1.

@@ -266,7 +266,11 @@ impl Renderer {
             Some(told) => told.call1(py, (f64::from_bits(share.load(Ordering::Relaxed)),)).map(drop),
         };
         let traced = interruptible(py, &stop, tell, || {
-            let listen = |step: reference::RoundProgress| share.store(step.share.to_bits(), Ordering::Relaxed);
+            // What is traced is built in no time beside the tracing.
+            let listen = |step: reference::RoundProgress| {
+                let done = if step.is_building() { 0.0 } else { step.share };
+                share.store(done.to_bits(), Ordering::Relaxed);
+            };
             self.install(|| reference::render_until(&of_scene, frame, &options, None, (&listen, Some(&stop))))
         })?;
         let Reference { picture, stats, .. } = traced.or_raise(py)?;

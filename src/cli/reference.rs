@@ -220,7 +220,11 @@ impl Reference {
         let progress = Loading::new(self.running.quiet);
         let made = reference::render(output.scene, frame, output.options, earlier, &|step| {
             let error = step.error.map_or_else(String::new, |e| format!(", error {e:.1e}"));
-            let what = format!("frame {frame}, samples {} to {}{error}", step.samples, step.end);
+            let what = if step.is_building() {
+                format!("frame {frame}, building what is traced")
+            } else {
+                format!("frame {frame}, samples {} to {}{error}", step.samples, step.end)
+            };
             progress.step(&what, step.share as f32);
         })?;
         drop(progress);

@@ -64,16 +64,12 @@ impl Paths<'_> {
         terms.fold(position.as_dvec3(), |place, (rate, factor)| place + rate.as_dvec3() * factor)
     }
 
-    /// A box around the places of point `i` from the time `from` to the time `to`: Taylor's expansion about their
-    /// middle.
-    pub fn swept(&self, position: Vec3, i: usize, [from, to]: [f64; 2]) -> Bounds {
+    /// How far point `i` is at most from the chord of its path between two times, along each axis: h^2 / 8 times the
+    /// greatest second derivative, which a cubic has at an end of the interval, of length h.
+    pub fn bend(&self, i: usize, [from, to]: [f64; 2]) -> DVec3 {
         let at = |order: usize| self.columns[order].get(i).map_or(DVec3::ZERO, |rate| rate.as_dvec3());
-        let (middle, half) = (elapsed(0.5 * (from + to)), elapsed(0.5 * (to - from).abs()));
-        let velocity = at(0) + at(1) * middle[0] + at(2) * middle[1];
-        let acceleration = at(1) + at(2) * middle[0];
-        let reach = velocity.abs() * half[0] + acceleration.abs() * half[1] + at(2).abs() * half[2];
-        let place = self.exact_place(position, i, middle);
-        Bounds { min: place - reach, max: place + reach }
+        let [start, end] = [from, to].map(|time| (at(1) + at(2) * time).abs());
+        start.max(end) * ((to - from) * (to - from) / 8.0)
     }
 
     /// Boxes around the entries of each column; empty for an empty column.

@@ -1,6 +1,6 @@
-//! The box tests of a packet of rays, with plain code and with AVX.
+//! The box tests of a packet of rays, with plain code and with AVX. Boxes may move.
 
-use super::bvh::{Node, WIDTH};
+use super::bvh::{Sides, WIDTH};
 
 /// Most rays of a packet.
 pub(super) const PACKET: usize = 8;
@@ -56,17 +56,60 @@ fn sooner(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
+/// What holds boxes that move, at all times between two shares of the span.
+#[inline(always)]
+pub(super) fn moved(Sides(start): &Sides, Sides(drift): &Sides, [from, to]: [f32; 2]) -> Sides {
+    let mut sides = [[[0.0; WIDTH]; 3]; 2];
+    for axis in 0..3 {
+        for l in 0..WIDTH {
+            let at = |side: usize, share: f32| start[side][axis][l] + share * drift[side][axis][l];
+            sides[0][axis][l] = sooner(at(0, from), at(0, to));
+            sides[1][axis][l] = later(at(1, from), at(1, to));
+        }
+    }
+    Sides(sides)
+}
+
+/// The corners of one box of a node.
+// Loops, because compilers call `map` of arrays where they inline these.
+#[inline(always)]
+pub(super) fn corners(Sides(sides): &Sides, slot: usize) -> [[f32; 3]; 2] {
+    let mut corners = [[0.0; 3]; 2];
+    for axis in 0..3 {
+        corners[0][axis] = sides[0][axis][slot];
+        corners[1][axis] = sides[1][axis][slot];
+    }
+    corners
+}
+
+/// As [`moved`], of one box of a node.
+#[inline(always)]
+pub(super) fn moved_corners(
+    Sides(start): &Sides,
+    Sides(drift): &Sides,
+    slot: usize,
+    [from, to]: [f32; 2],
+) -> [[f32; 3]; 2] {
+    let mut corners = [[0.0; 3]; 2];
+    for axis in 0..3 {
+        let at = |side: usize, share: f32| start[side][axis][slot] + share * drift[side][axis][slot];
+        corners[0][axis] = sooner(at(0, from), at(0, to));
+        corners[1][axis] = later(at(1, from), at(1, to));
+    }
+    corners
+}
+
 /// The parameters before which no ray enters the boxes, and a bit mask of the boxes that rays may enter between `near`
 /// and `limit`.
 #[inline(always)]
-pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
+pub(super) fn enter_beam(Sides(sides): &Sides, beam: &Beam) -> ([f32; WIDTH], u32) {
     let mut entry = [beam.near; WIDTH];
     let mut mask = 0;
     for l in 0..WIDTH {
         let mut exit = beam.limit;
         for axis in 0..3 {
-            let first = node.sides[beam.first[axis]][axis][l] - beam.early[axis];
-            let last = node.sides[1 - beam.first[axis]][axis][l] - beam.late[axis];
+            let first = sides[beam.first[axis]][axis][l] - beam.early[axis];
+            let last = sides[1 - beam.first[axis]][axis][l] - beam.late[axis];
             let [a, b] = beam.inverse[axis];
             entry[l] = later(sooner(first * a, first * b), entry[l]);
             exit = sooner(later(last * a, last * b), exit);
@@ -78,13 +121,13 @@ pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
 
 /// Bit mask of the rays that enter one box between their `near` and `limit`.
 #[inline(always)]
-pub(super) fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
+pub(super) fn enter_rays([low_side, high_side]: [[f32; 3]; 2], rays: &BoxRays) -> u32 {
     let mut mask = 0;
     for l in 0..PACKET {
         let (mut entry, mut exit) = (rays.near[l], rays.limit[l]);
         for axis in 0..3 {
-            let low = (node.sides[0][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
-            let high = (node.sides[1][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
+            let low = (low_side[axis] - rays.origin[axis][l]) * rays.inverse[axis][l];
+            let high = (high_side[axis] - rays.origin[axis][l]) * rays.inverse[axis][l];
             entry = later(sooner(low, high), entry);
             exit = sooner(later(low, high), exit);
         }
@@ -101,16 +144,16 @@ pub(super) mod avx {
         _mm256_set1_ps, _mm256_sub_ps,
     };
 
-    use super::{Beam, BoxRays, Node, WIDTH};
+    use super::{Beam, BoxRays, Sides, WIDTH};
 
     #[target_feature(enable = "avx")]
     #[inline]
-    pub(in super::super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
+    pub(in super::super) fn enter_beam(Sides(sides): &Sides, beam: &Beam) -> ([f32; WIDTH], u32) {
         let mut entry = _mm256_set1_ps(beam.near);
         let mut exit = _mm256_set1_ps(beam.limit);
         for axis in 0..3 {
-            let first: __m256 = bytemuck::cast(node.sides[beam.first[axis]][axis]);
-            let last: __m256 = bytemuck::cast(node.sides[1 - beam.first[axis]][axis]);
+            let first: __m256 = bytemuck::cast(sides[beam.first[axis]][axis]);
+            let last: __m256 = bytemuck::cast(sides[1 - beam.first[axis]][axis]);
             let first = _mm256_sub_ps(first, _mm256_set1_ps(beam.early[axis]));
             let last = _mm256_sub_ps(last, _mm256_set1_ps(beam.late[axis]));
             let (a, b) = (_mm256_set1_ps(beam.inverse[axis][0]), _mm256_set1_ps(beam.inverse[axis][1]));
@@ -123,13 +166,13 @@ pub(super) mod avx {
 
     #[target_feature(enable = "avx")]
     #[inline]
-    pub(in super::super) fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
+    pub(in super::super) fn enter_rays([low_side, high_side]: [[f32; 3]; 2], rays: &BoxRays) -> u32 {
         let mut entry: __m256 = bytemuck::cast(rays.near);
         let mut exit: __m256 = bytemuck::cast(rays.limit);
         for axis in 0..3 {
             let (origin, inverse) = (bytemuck::cast(rays.origin[axis]), bytemuck::cast(rays.inverse[axis]));
-            let low = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[0][axis][slot]), origin), inverse);
-            let high = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[1][axis][slot]), origin), inverse);
+            let low = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(low_side[axis]), origin), inverse);
+            let high = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(high_side[axis]), origin), inverse);
             entry = _mm256_max_ps(_mm256_min_ps(low, high), entry);
             exit = _mm256_min_ps(_mm256_max_ps(low, high), exit);
         }

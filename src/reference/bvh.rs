@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::model::Surfels;
 use crate::model::mesh::MeshSurface;
-use crate::model::paths::Paths;
+use crate::model::paths::{Paths, elapsed};
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
@@ -35,16 +35,22 @@ pub(super) const LEAF: u32 = 1 << 31;
 ///
 /// The terms, in units of 2^-24 times the radius R: a ray's origin is moved to the model's sphere, |o| <= R about its
 /// centre, and rounded (1); its direction is rounded over a path of 2 R (2); (b - o) is rounded (2); the reciprocal of
-/// the direction and the product round twice each over 2 R (8). The sum is 13; 32 leaves room to spare. The distance of
-/// the centre from the origin adds another 1 + 2: models are recentred, so it is at most R.
+/// the direction and the product round twice each over 2 R (8). The sum is 13. The distance of the centre from the origin
+/// adds another 1 + 2: models are recentred, so it is at most R. A side that moves adds 1 for itself, 2 each for its
+/// drift, the time and their product, and 1 for the sum. All are 24; 32 leaves room to spare.
 const PADDING: f64 = 32.0 / (1_u32 << 24) as f64;
+
+/// The sides of eight boxes: low ones, then high ones; x, y, z; one value for each box.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Sides(pub [[[f32; WIDTH]; 3]; 2]);
 
 /// A node: eight boxes and what they bound.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Node {
-    /// Low sides, then high sides; x, y, z; one value for each child. A missing child has low = +inf and high = -inf.
-    pub sides: [[[f32; WIDTH]; 3]; 2],
+    /// A missing child has low = +inf and high = -inf. Of elements that move by themselves: at the start of the span.
+    pub sides: Sides,
     /// Number of the child's node, or of its leaf with [`LEAF`] set.
     pub children: [u32; WIDTH],
 }
@@ -89,6 +95,10 @@ pub(super) struct Bvh<'a> {
     pub leaves: Vec<Leaf>,
     /// How the surfels of each leaf move by themselves; empty where none does.
     pub rates: Vec<Rates>,
+    /// How far the sides of each node move over the span; empty where no surfel moves by itself.
+    pub drifts: Vec<Sides>,
+    /// Times between which boxes move with constant speed.
+    pub span: [f64; 2],
     /// Centre of a sphere around all.
     pub centre: DVec3,
     pub radius: f64,
@@ -105,8 +115,14 @@ struct Elements<'a> {
     v: &'a [Vec3],
     /// `None`: they are counted.
     number: Option<&'a [u32]>,
+    /// Those of the columns that the boxes are of; `None`: all.
+    members: Option<&'a [u32]>,
 }
 
+/// Low and high corner of a box.
+pub(super) type Corners = (Vec3, Vec3);
+
+#[derive(Clone, Copy)]
 struct Element {
     low: Vec3A,
     high: Vec3A,
@@ -119,18 +135,19 @@ impl Boundable for Element {
 }
 
 impl<'a> Bvh<'a> {
-    /// Builds the hierarchy of surfels that move along `paths` from the time `from` to the time `to`. Surfels that are
-    /// not finite are left out.
-    pub(super) fn new(surfels: &Surfels, paths: &Paths<'_>, range: [f64; 2]) -> Self {
-        let boxes = (0..surfels.len())
-            .into_par_iter()
-            .map(|i| if paths.is_empty() { bounds(surfels, i) } else { swept(surfels, paths, i, range) })
-            .collect();
-        let columns = Elements { centre: &surfels.position, u: &surfels.axis_u, v: &surfels.axis_v, number: None };
-        let mut bvh = Self::of(&columns, boxes);
-        let moving = if paths.is_empty() { &[] } else { bvh.leaves.as_slice() };
-        bvh.spheres = surfels.spheres;
-        bvh.rates = moving.iter().map(|leaf| Rates::of(leaf, paths)).collect();
+    /// Builds the hierarchy of surfels that rest in their model. Surfels that are not finite are left out.
+    pub(super) fn of_surfels(surfels: &Surfels) -> Self {
+        let boxes = (0..surfels.len()).into_par_iter().map(|i| bounds(surfels, i)).collect();
+        Self { spheres: surfels.spheres, ..Self::of(&Elements::of(surfels, None), boxes, None) }
+    }
+
+    /// Builds the hierarchy of those surfels of a model, `members`, that move along `paths`, for times in `span`.
+    pub(super) fn of_moving(surfels: &Surfels, paths: &Paths<'_>, members: &[u32], span: [f64; 2]) -> Self {
+        let (start, end): (Vec<Corners>, Vec<Corners>) =
+            members.par_iter().map(|&i| swept(surfels, paths, i as usize, span).into()).unzip();
+        let mut bvh = Self::of(&Elements::of(surfels, Some(members)), start, Some(end));
+        (bvh.span, bvh.spheres) = (span, surfels.spheres);
+        bvh.rates = bvh.leaves.iter().map(|leaf| Rates::of(leaf, paths)).collect();
         bvh
     }
 
@@ -142,61 +159,88 @@ impl<'a> Bvh<'a> {
         let (u, v) = (edge(1), edge(2));
         let around = |[a, b, c]: &[Vec3; 3]| (a.min(*b).min(*c), a.max(*b).max(*c));
         let boxes = corners.par_iter().map(around).collect();
-        let bvh = Self::of(&Elements { centre: &centre, u: &u, v: &v, number: Some(surface.triangles()) }, boxes);
+        let bvh = Self::of(
+            &Elements { centre: &centre, u: &u, v: &v, number: Some(surface.triangles()), members: None },
+            boxes,
+            None,
+        );
         Self { surface: Some(surface), ..bvh }
     }
 
-    /// Builds the hierarchy of elements in boxes, which do not move by themselves.
-    fn of(elements: &Elements<'_>, exact: Vec<(Vec3, Vec3)>) -> Self {
-        let whole = exact
-            .par_iter()
-            .filter(|(low, high)| low.is_finite() && high.is_finite())
-            .fold(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)))
-            .reduce(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    /// Builds the hierarchy of elements in boxes: at the start of a span and, if they move by themselves, at its end.
+    fn of(elements: &Elements<'_>, start: Vec<Corners>, end: Option<Vec<Corners>>) -> Self {
+        let both = |i: usize| [start[i], end.as_ref().map_or(start[i], |end| end[i])];
+        let is_finite = |&i: &usize| both(i).iter().all(|(low, high)| low.is_finite() && high.is_finite());
+        let index: Vec<usize> = (0..start.len()).filter(is_finite).collect();
+        let around = |i: usize| {
+            let [a, b] = both(i);
+            (a.0.min(b.0), a.1.max(b.1))
+        };
+        let whole = index.par_iter().map(|&i| around(i)).reduce(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)));
         if !(whole.0.cmple(whole.1).all()) {
-            let (nodes, leaves, rates) = Default::default();
-            return Self { nodes, leaves, rates, centre: DVec3::ZERO, radius: 0.0, surface: None, spheres: false };
+            return Self::empty();
         }
         let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
         let centre = 0.5 * (low + high);
         let extent = 0.5 * (high - low).length() + centre.length();
         let padding = PADDING * extent;
-        let farthest = exact
+        let farthest = index
             .par_iter()
-            .filter(|(low, high)| low.is_finite() && high.is_finite())
+            .map(|&i| around(i))
             .map(|(low, high)| (high.as_dvec3() - centre).max(centre - low.as_dvec3()).length_squared())
             .reduce(|| 0.0, f64::max);
         let radius = farthest.sqrt() + 2.0 * padding;
         let grow = Vec3::splat(padding as f32);
-        let index: Vec<u32> =
-            (0..exact.len()).filter(|&i| exact[i].0.is_finite() && exact[i].1.is_finite()).map(|i| i as u32).collect();
-        let boxes: Vec<Element> = index
-            .iter()
-            .map(|&i| {
-                let (low, high) = exact[i as usize];
-                Element { low: (low - grow).into(), high: (high + grow).into() }
-            })
-            .collect();
-        drop(exact);
-        let tree = binary_tree(&boxes);
-        let mut collapse =
-            Collapse { tree: &tree, index: &index, elements, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
+        let padded = |boxes: &[Corners]| -> Vec<Element> {
+            let padded = |&i: &usize| Element { low: (boxes[i].0 - grow).into(), high: (boxes[i].1 + grow).into() };
+            index.iter().map(padded).collect()
+        };
+        let ends = end.as_ref().map(|end| [padded(&start), padded(end)]);
+        let tree = match &ends {
+            None => binary_tree(&padded(&start)),
+            // Neighbours are what is near in the middle of the span.
+            Some([a, b]) => {
+                let middle = |(a, b): (&Element, &Element)| Element {
+                    low: 0.5 * a.low + 0.5 * b.low,
+                    high: 0.5 * a.high + 0.5 * b.high,
+                };
+                binary_tree(&a.iter().zip(b).map(middle).collect::<Vec<_>>())
+            }
+        };
+        let numbers: Vec<u32> =
+            index.iter().map(|&i| elements.members.map_or(i as u32, |members| members[i])).collect();
+        drop((start, end));
+        let ends = ends.map(|ends| ends.map(|boxes| merged(&tree, &boxes)));
+        let mut collapse = Collapse {
+            tree: &tree,
+            index: &numbers,
+            elements,
+            counts: counts(&tree),
+            ends,
+            out: (Vec::new(), Vec::new(), Vec::new()),
+        };
         collapse.run();
-        let (nodes, leaves) = collapse.out;
-        Self { nodes, leaves, rates: Vec::new(), centre, radius, surface: None, spheres: false }
+        let (nodes, leaves, drifts) = collapse.out;
+        Self { nodes, leaves, drifts, centre, radius, ..Self::empty() }
+    }
+
+    /// A hierarchy of nothing.
+    fn empty() -> Self {
+        let (nodes, leaves, rates, drifts) = Default::default();
+        Self { nodes, leaves, rates, drifts, span: [0.0; 2], centre: DVec3::ZERO, radius: 0.0, surface: None, spheres: false }
     }
 
     /// Memory of nodes and leaves, bytes.
     pub(super) fn bytes(&self) -> u64 {
-        let rates = size_of_val(self.rates.as_slice());
-        (size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice()) + rates) as u64
+        let moving = size_of_val(self.rates.as_slice()) + size_of_val(self.drifts.as_slice());
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice()) + moving) as u64
     }
 }
 
-const NOTHING: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+const NOTHING: Corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
 
-/// Box of an elliptical disc, or of a sphere. The disc's extent along an axis e is sqrt((u.e)^2 + (v.e)^2). The padding covers the
-/// rounding.
+/// Box of an elliptical disc, or of a sphere. The disc's extent along an axis e is sqrt((u.e)^2 + (v.e)^2). The padding
+/// covers the rounding.
 fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
     let (c, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
     let half_size =
@@ -204,14 +248,39 @@ fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
     (c - half_size, c + half_size)
 }
 
-/// Box of a disc on its path. It is rounded outwards.
-fn swept(surfels: &Surfels, paths: &Paths<'_>, i: usize, range: [f64; 2]) -> (Vec3, Vec3) {
-    let (low, high) = bounds(surfels, i);
-    let around = paths.swept(surfels.position[i], i, range);
-    let half_size = 0.5 * (high - low);
-    let slack = 1.0 + f32::EPSILON;
-    let (middle, reach) = (around.centre().as_vec3(), (0.5 * around.size()).as_vec3() * slack + half_size * slack);
-    (middle - reach, middle + reach)
+/// Boxes of a disc at the start of a span and at its end. Between them, the box whose sides move from one to the other
+/// with constant speed holds the disc on its path.
+///
+/// A path differs from its chord by at most h^2 / 8 times its greatest second derivative, where h is the length of the
+/// span. The second derivative of a cubic is greatest at an end. The padding covers the rounding.
+fn swept(surfels: &Surfels, paths: &Paths<'_>, i: usize, span: [f64; 2]) -> [Corners; 2] {
+    let (u, v) = (surfels.axis_u[i].as_dvec3(), surfels.axis_v[i].as_dvec3());
+    let of_kernel = if surfels.spheres { DVec3::splat(u.length()) } else { (u * u + v * v).map(f64::sqrt) };
+    let half_size = of_kernel + paths.bend(i, span);
+    span.map(|time| {
+        let place = paths.exact_place(surfels.position[i], i, elapsed(time));
+        ((place - half_size).as_vec3(), (place + half_size).as_vec3())
+    })
+}
+
+/// Boxes around what is below each node of the binary tree, from the boxes of its elements.
+fn merged(tree: &Bvh2, boxes: &[Element]) -> Vec<Element> {
+    let mut all = vec![Element { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY }; tree.nodes.len()];
+    let mut stack = vec![(0_usize, false)];
+    while let Some((at, seen)) = stack.pop() {
+        let node = &tree.nodes[at];
+        let child = node.first_index as usize;
+        let union = |a: &Element, b: &Element| Element { low: a.low.min(b.low), high: a.high.max(b.high) };
+        if node.is_leaf() {
+            let own = &tree.primitive_indices[child..child + node.prim_count as usize];
+            all[at] = own.iter().fold(all[at], |sum, &i| union(&sum, &boxes[i as usize]));
+        } else if seen {
+            all[at] = union(&all[child], &all[child + 1]);
+        } else {
+            stack.extend([(at, true), (child, false), (child + 1, false)]);
+        }
+    }
+    all
 }
 
 /// The binary tree of boxes, with one box in each leaf.
@@ -294,7 +363,9 @@ struct Collapse<'a> {
     index: &'a [u32],
     elements: &'a Elements<'a>,
     counts: Vec<u32>,
-    out: (Vec<Node>, Vec<Leaf>),
+    /// Boxes of the binary nodes at the start of the span and at its end, if they move.
+    ends: Option<[Vec<Element>; 2]>,
+    out: (Vec<Node>, Vec<Leaf>, Vec<Sides>),
 }
 
 impl Collapse<'_> {
@@ -328,12 +399,14 @@ impl Collapse<'_> {
                     (self.out.0.len() - 1) as u32
                 };
                 let aabb = self.tree.nodes[child].aabb();
-                let node = &mut self.out.0[place];
-                for axis in 0..3 {
-                    node.sides[0][axis][slot] = aabb.min[axis];
-                    node.sides[1][axis][slot] = aabb.max[axis];
+                let start = self.ends.as_ref().map_or([aabb.min, aabb.max], |[start, _]| start[child].corners());
+                self.out.0[place].children[slot] = number;
+                self.out.0[place].sides.set(slot, start);
+                if let Some([_, end]) = &self.ends {
+                    self.out.2.resize(self.out.0.len(), Sides::RESTING);
+                    let [low, high] = end[child].corners();
+                    self.out.2[place].set(slot, [low - start[0], high - start[1]]);
                 }
-                node.children[slot] = number;
             }
         }
     }
@@ -361,7 +434,7 @@ impl Collapse<'_> {
             for p in node.first_index..node.first_index + node.prim_count {
                 let element = self.index[self.tree.primitive_indices[p as usize] as usize];
                 let i = element as usize;
-                let Elements { centre, u, v, number } = self.elements;
+                let Elements { centre, u, v, number, .. } = self.elements;
                 for axis in 0..3 {
                     leaf.centre[axis][slot] = centre[i][axis];
                     leaf.u[axis][slot] = u[i][axis];
@@ -377,7 +450,31 @@ impl Collapse<'_> {
 
 impl Node {
     const fn empty() -> Self {
-        Self { sides: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]], children: [0; WIDTH] }
+        let sides = Sides([[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]]);
+        Self { sides, children: [0; WIDTH] }
+    }
+}
+
+impl Sides {
+    /// The drift of boxes that rest.
+    const RESTING: Self = Self([[[0.0; WIDTH]; 3]; 2]);
+
+    fn set(&mut self, slot: usize, corners: [Vec3A; 2]) {
+        for (sides, corner) in self.0.iter_mut().zip(corners) {
+            (0..3).for_each(|axis| sides[axis][slot] = corner[axis]);
+        }
+    }
+}
+
+impl Element {
+    const fn corners(&self) -> [Vec3A; 2] {
+        [self.low, self.high]
+    }
+}
+
+impl<'a> Elements<'a> {
+    fn of(surfels: &'a Surfels, members: Option<&'a [u32]>) -> Self {
+        Self { centre: &surfels.position, u: &surfels.axis_u, v: &surfels.axis_v, number: None, members }
     }
 }
 
@@ -408,7 +505,7 @@ mod tests {
                 surfels.position[10..200].fill(Vec3::ONE);
                 surfels.position[500].x = f32::NAN;
             }
-            let bvh = Bvh::new(&surfels, &surfels.paths(), [0.0; 2]);
+            let bvh = Bvh::of_surfels(&surfels);
             let mut seen = vec![0; n as usize];
             let mut work = vec![(0_u32, [Vec3::NEG_INFINITY, Vec3::INFINITY])];
             if bvh.nodes.is_empty() {
@@ -425,7 +522,7 @@ mod tests {
                 }
                 let node = &bvh.nodes[number as usize];
                 for slot in 0..WIDTH {
-                    let side = |s: usize| Vec3::from_array([0, 1, 2].map(|axis| node.sides[s][axis][slot]));
+                    let side = |s: usize| Vec3::from_array([0, 1, 2].map(|axis| node.sides.0[s][axis][slot]));
                     if side(0).x < f32::INFINITY {
                         assert!(low.cmple(side(0)).all() && high.cmpge(side(1)).all());
                         work.push((node.children[slot], [side(0), side(1)]));

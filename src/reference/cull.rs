@@ -62,14 +62,17 @@ impl ObjectCones {
     }
 
     fn extent(&self, world: &World<'_>, body: &Body<'_>, close: f64) -> Extent {
-        let (centre, radius) = match body.form {
-            Form::Model(model) => (world.models[model].centre, world.models[model].radius),
-            Form::Sphere(sphere) => (DVec3::ZERO, sphere.radius),
-            // Captures and volumes have trees of their own.
-            Form::Gaussians(_) | Form::Volume(_) | Form::Nothing => return Extent::Nowhere,
-        };
+        // Captures and volumes have trees of their own.
+        if matches!(body.form, Form::Gaussians(_) | Form::Volume(_) | Form::Nothing) {
+            return Extent::Nowhere;
+        }
         let Some(camera) = world.camera_of(body) else { return Extent::Everywhere };
         let cone = |from: f64, to: f64| {
+            let (centre, radius) = match body.form {
+                Form::Model(model) => world.models[model].sphere([from, to].map(|time| body.elapsed(time)[0])),
+                Form::Sphere(sphere) => (DVec3::ZERO, sphere.radius),
+                Form::Gaussians(_) | Form::Volume(_) | Form::Nothing => return None,
+            };
             let (centre, radius) = body.swept_sphere(centre, radius, from, to)?;
             Cone::around(&camera, centre, radius)
         };
@@ -77,7 +80,8 @@ impl ObjectCones {
         let edge = |subinterval: usize, outwards: f64| {
             self.open + (subinterval as f64 + outwards) / self.subintervals_per_frame
         };
-        let subintervals = if body.is_fixed() { 0 } else { SUBINTERVALS };
+        let moves = body.object.blur && !body.object.shape.paths().is_empty();
+        let subintervals = if body.is_fixed() && !moves { 0 } else { SUBINTERVALS };
         Extent::Cone(
             whole,
             (0..subintervals)

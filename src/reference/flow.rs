@@ -60,7 +60,7 @@ pub fn flows(
     };
     let (frame, scene) = options.enter(scene, frame.into())?;
     let scene = &*scene;
-    let world = World::new(scene, frame, &options)?;
+    let world = World::new(scene, frame, &options, (&|_| (), None))?;
     if let Some(volume) = world.volumes.first() {
         return Err(ReferenceError::Flow { object: world.bodies[volume.body].object.name.clone() });
     }

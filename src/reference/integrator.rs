@@ -17,20 +17,26 @@ use super::warp::TimeWarp;
 use crate::film::{Backdrop, FilmPlanes};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
-use crate::stop::Stop;
 use crate::time::FrameNumber;
 
-/// Progress of a run.
+/// Progress of a run. First the hierarchies are built: `end` is `samples` then, and no round was begun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundProgress {
     /// Samples of a pixel before this round.
     pub samples: u64,
     /// Samples of a pixel after this round.
     pub end: u64,
-    /// Finished share of the round, 0..=1.
+    /// Finished share of the round or of the hierarchies, 0..=1.
     pub share: f64,
     /// Mean standard error before this round, if the run looks at it.
     pub error: Option<f64>,
+}
+
+impl RoundProgress {
+    /// Are the hierarchies being built?
+    pub const fn is_building(&self) -> bool {
+        self.end == self.samples
+    }
 }
 
 /// Receives the progress of a run. It is called from several threads.
@@ -52,8 +58,6 @@ pub(super) struct Integrator<'w, 'a> {
     origin: [u32; 2],
     /// The picture behind the window.
     backdrop: &'w Backdrop,
-    /// Ends the sampling without a result.
-    pub stop: Option<&'w Stop>,
     /// Samples so far with more layers of see-through surfels than are taken.
     pub cut: AtomicU64,
 }
@@ -68,7 +72,6 @@ impl<'w, 'a> Integrator<'w, 'a> {
             frame,
             origin,
             backdrop,
-            stop: None,
             cut: AtomicU64::new(0),
         }
     }
@@ -93,7 +96,6 @@ impl<'w, 'a> Integrator<'w, 'a> {
         strips_of_sums.enumerate().for_each_init(
             || (Tracer::new(self.world), self.veil(), TileSamples::default()),
             |(tracer, veil, tile), (number, ((colour, range), extra))| {
-                let stopped = || self.stop.is_some_and(Stop::is_set);
                 let before = number * strip;
                 let mut strip = Strip { planes: &planes, backdrop: self.backdrop, first: before, colour, range, extra };
                 if samples > 0 && veil.is_some() {
@@ -109,7 +111,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
                     }
                     for k in (first..last).step_by(POINTS as usize) {
                         // Here, because a strip of many samples takes minutes.
-                        if stopped() {
+                        if self.world.is_stopped() {
                             return;
                         }
                         self.place_tile(tile, &points, (corner, size), width, k..(k + POINTS).min(last));

@@ -74,6 +74,11 @@ impl ReferenceOptions {
         self.check_look()
     }
 
+    /// The most rays that a picture of a scene takes from its eye.
+    pub(super) fn rays(&self, scene: &Scene) -> u64 {
+        self.samples.saturating_mul(u64::from(scene.image.width) * u64::from(scene.image.height))
+    }
+
     fn check_look(&self) -> Result<(), ReferenceError> {
         self.look.check().map_err(|e| e.within("options.look"))?;
         if let Some(other) = self.look.aovs.iter().find(|aov| matches!(aov, Aov::LodError | Aov::Object)) {

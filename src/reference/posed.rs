@@ -6,10 +6,10 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
-use super::bvh::Bvh;
 use super::error::ReferenceError;
 use super::gaussians::blend::Blend;
 use super::gaussians::tree::{GaussianKernel, Tree};
+use super::moving::{Hierarchy, Shares};
 use super::options::{Meshes, ReferenceOptions};
 use super::sky::Sky;
 use super::traverse::Hit;
@@ -25,6 +25,7 @@ use crate::sampling::gaussian_offset;
 use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Drawing, Light, Object, Scene, Shape, Sphere, Surface, SurfelModel};
 use crate::shading::ShadingLight;
+use crate::stop::Stop;
 use crate::time::FrameNumber;
 
 /// One frame of a scene, ready for rays.
@@ -38,7 +39,7 @@ pub(super) struct World<'a> {
     pub focal: f64,
     pub bodies: Vec<Body<'a>>,
     /// Hierarchies. Objects with the same model share one.
-    pub models: Vec<Bvh<'a>>,
+    pub models: Vec<Hierarchy<'a>>,
     /// Objects that show captures, in the order of objects.
     pub captures: Vec<Transparent<'a>>,
     /// Trees of captures. Objects that show the same Gaussians of one share a tree.
@@ -57,6 +58,8 @@ pub(super) struct World<'a> {
     fixed_camera: Option<CameraPose>,
     /// The camera's pose at the frame number.
     pub frame_camera: CameraPose,
+    /// Ends work with it without a result.
+    stop: Option<&'a Stop>,
 }
 
 /// Pose of the camera at one time.
@@ -147,14 +150,15 @@ impl BodyPose {
 }
 
 impl<'a> World<'a> {
-    /// Builds the hierarchies and poses static objects.
+    /// Builds the hierarchies and poses static objects. What is finished of that is told.
     ///
     /// # Errors
-    /// A capture does not fit into memory, or stands before an environment as background.
+    /// A capture does not fit into memory, or stands before an environment as background. It was stopped.
     pub(super) fn new(
         scene: &'a Scene,
         frame: FrameNumber,
         options: &'a ReferenceOptions,
+        (told, stop): (&(dyn Fn(f64) + Sync), Option<&'a Stop>),
     ) -> Result<Self, ReferenceError> {
         if let Some(object) = scene.capture_before_panorama() {
             return Err(ReferenceError::Panorama { object: object.name.clone() });
@@ -193,19 +197,39 @@ impl<'a> World<'a> {
                 Body::new(scene, object, form, number, options)
             })
             .collect();
-        let build = |object: &'a Object| match traced_mesh(object, options) {
-            Some(mesh) => Bvh::of_triangles(MeshSurface::new(mesh), object.shape.origin()),
-            None => Bvh::new(object.shape.surfels_or_none(), &object.shape.paths(), travelled(object)),
+        let stopped = || stop.is_some_and(Stop::is_set);
+        let weight = |count: usize| count.max(1) as f64;
+        let surfels = |object: &Object| weight(object.shape.surfels_or_none().len());
+        let kernels = shown.iter().chain(&volumes).map(|(gaussians, _)| weight(gaussians.len())).sum::<f64>();
+        let meter = Shares::new(distinct.iter().map(|object| surfels(object)).sum::<f64>() + kernels, told);
+        let build = |object: &'a Object| {
+            let add = |share: f64| meter.add(share * surfels(object));
+            if let Some(mesh) = traced_mesh(object, options) {
+                let hierarchy = Hierarchy::of_triangles(MeshSurface::new(mesh), object.shape.origin());
+                add(1.0);
+                return hierarchy;
+            }
+            let (surfels, paths) = (object.shape.surfels_or_none(), object.shape.paths());
+            Hierarchy::new(surfels, &paths, (travelled(object), options.rays(scene)), (&add, &stopped))
         };
         let models = distinct.into_par_iter().map(build).collect();
-        let trees =
-            shown.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| GaussianKernel::of(g, &drawing, i)));
+        let trees = shown.into_iter().map(|(g, drawing)| {
+            let tree = Tree::new(g, &drawing, |i| GaussianKernel::of(g, &drawing, i).filter(|_| !stopped()));
+            meter.add(weight(g.len()));
+            tree
+        });
         let trees = trees.collect::<Result<Vec<_>, _>>()?;
         let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of, &trees)).collect();
-        let volume_trees =
-            volumes.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| VolumeKernel::of(g, &drawing, i)));
+        let volume_trees = volumes.into_iter().map(|(g, drawing)| {
+            let tree = Tree::new(g, &drawing, |i| VolumeKernel::of(g, &drawing, i).filter(|_| !stopped()));
+            meter.add(weight(g.len()));
+            tree
+        });
         let volume_trees = volume_trees.collect::<Result<_, _>>()?;
         let volumes = bodies.iter().enumerate().filter_map(|(body, of)| Volume::of(body, of)).collect();
+        if stopped() {
+            return Err(ReferenceError::Stopped);
+        }
         let frame_camera = CameraPose::new(&camera_from_world(scene, number));
         Ok(Self {
             scene,
@@ -223,15 +247,24 @@ impl<'a> World<'a> {
             sky: scene.sky().filter(|sky| options.look.shadows && sky.shadows).map(Sky::new),
             fixed_camera: scene.camera.rests().then_some(frame_camera),
             frame_camera,
+            stop,
         })
+    }
+
+    /// Does nobody wait any more?
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(Stop::is_set)
     }
 
     /// What the pixels of a window are composited over: its first pixel and its size.
     pub(super) fn backdrop(&self, frame: f64, origin: [u32; 2], [width, height]: [u32; 2]) -> Backdrop {
         let background = Background { colour: self.scene.image.background, transparent: self.scene.image.transparent };
         let Some(environment) = self.scene.panorama() else { return Backdrop::plain(background) };
-        let row =
-            |y: u32| (0..width).map(move |x| self.mean_behind(environment, frame, [origin[0] + x, origin[1] + y]));
+        // Nobody looks at it once it was stopped.
+        let row = |y: u32| {
+            let width = if self.is_stopped() { 0 } else { width };
+            (0..width).map(move |x| self.mean_behind(environment, frame, [origin[0] + x, origin[1] + y]))
+        };
         let picture =
             (0..height).into_par_iter().flat_map_iter(row).map(|colour| colour.as_vec3().to_array()).collect();
         Backdrop { background, picture: Some(picture) }
@@ -320,7 +353,7 @@ impl<'a> World<'a> {
     /// The triangles that rays meet of an object; `None` where they meet anything else.
     pub(super) fn surface(&self, body: &Body<'_>) -> Option<&MeshSurface<'a>> {
         let Form::Model(model) = body.form else { return None };
-        self.models[model].surface.as_ref()
+        self.models[model].surface()
     }
 
     /// Opacity of a hit of a see-through object, in [0, 1].
@@ -336,13 +369,13 @@ impl<'a> World<'a> {
     /// Surfels of the distinct models whose surfels are traced.
     pub(super) fn surfels(&self) -> u64 {
         let of_model = |m| self.bodies.iter().find(|b| matches!(b.form, Form::Model(n) if n == m));
-        let traced = (0..self.models.len()).filter(|&m| self.models[m].surface.is_none());
+        let traced = (0..self.models.len()).filter(|&m| self.models[m].surface().is_none());
         traced.filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
     }
 
     /// Triangles of the distinct models whose triangles are traced.
     pub(super) fn triangles(&self) -> u64 {
-        let surfaces = self.models.iter().filter_map(|model| model.surface.as_ref());
+        let surfaces = self.models.iter().filter_map(Hierarchy::surface);
         surfaces.map(|surface| surface.triangles().len() as u64).sum()
     }
 
@@ -355,7 +388,7 @@ impl<'a> World<'a> {
 
     /// Memory of all hierarchies, bytes.
     pub(super) fn bytes(&self) -> u64 {
-        let surfels: u64 = self.models.iter().map(Bvh::bytes).sum();
+        let surfels: u64 = self.models.iter().map(Hierarchy::bytes).sum();
         let captures: u64 = self.trees.iter().map(Tree::bytes).sum();
         surfels + captures + self.volume_trees.iter().map(Tree::bytes).sum::<u64>()
     }

@@ -133,7 +133,7 @@ pub fn probe(
     if let Some(sample) = sample.filter(|&sample| sample >= samples) {
         return Err(ReferenceError::NoSample { sample, samples });
     }
-    let world = World::new(scene, frame, options)?;
+    let world = World::new(scene, frame, options, (&|_| (), None))?;
     // The neighbours are sampled too, because the error depends on what they saw.
     let origin = pixel.map(|c| c.saturating_sub(1));
     let [w, h] = [0, 1].map(|axis| (pixel[axis] + 2).min([width, height][axis]) - origin[axis]);

@@ -88,7 +88,7 @@ pub fn picture_until(
 ) -> Result<Picture, ReferenceError> {
     let tell = |step: RoundProgress| {
         let rounds = if options.error.is_some() { step.samples / ROUND } else { 0 };
-        progress.tell(Done { round: rounds + 1, share: step.share });
+        progress.tell(Done { round: if step.is_building() { 0 } else { rounds + 1 }, share: step.share });
     };
     Ok(render_until(scene, frame, options, None, (&tell, Some(stop)))?.picture)
 }
@@ -132,14 +132,15 @@ pub fn render_until(
         None => Sums::new(size, &options.look.aovs)?,
     };
     let start = Instant::now();
-    let world = World::new(scene, frame, options)?;
+    let before = sums.samples;
+    let tell = |share: f64| progress(RoundProgress { samples: before, end: before, share, error: None });
+    let world = World::new(scene, frame, options, (&tell, stop))?;
     let build = start.elapsed();
     let start = Instant::now();
-    let before = sums.samples;
     let backdrop = world.backdrop(frame.get(), [0, 0], size);
-    let mut integrator = Integrator::new(&world, frame, [0, 0], &backdrop);
-    integrator.stop = stop;
-    let stopped = || if stop.is_some_and(Stop::is_set) { Err(ReferenceError::Stopped) } else { Ok(()) };
+    let integrator = Integrator::new(&world, frame, [0, 0], &backdrop);
+    let stopped = || if world.is_stopped() { Err(ReferenceError::Stopped) } else { Ok(()) };
+    stopped()?;
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use super::haze::LightRay;
 use super::posed::{BodyPose, Form, World};
 use super::sampler::LightNumbers;
-use super::traverse::{Found, Hit, LEAST_EPSILON, MOST_LAYERS, ModelRay, Waiting, intersect_sphere, traverse};
+use super::traverse::{Found, Hit, LEAST_EPSILON, MOST_LAYERS, ModelRay, Waiting, intersect_sphere};
 use crate::model::paths::Elapsed;
 use crate::scene::Light;
 use crate::shading::ShadingLight;
@@ -294,7 +294,7 @@ impl<'w, 'a> Shadows<'w, 'a> {
             // What light passes through hides nothing that is behind it.
             let ray = ModelRay { epsilon: f64::INFINITY, ..model_ray(number, (&pose, elapsed), at, towards, near) };
             if let Form::Model(model) = self.world.bodies[number].form {
-                traverse(&self.world.models[model], &[ray], &mut self.found, &mut self.stack);
+                self.world.models[model].meet(&[ray], &mut self.found, &mut self.stack);
             }
         }
         let mut hits = std::mem::take(&mut self.found[0].hits);
@@ -356,7 +356,7 @@ impl<'w, 'a> Shadows<'w, 'a> {
             self.found[0].clear();
             self.found[0].limit = distance;
             match body.form {
-                Form::Model(model) => traverse(&self.world.models[model], &[ray], &mut self.found, &mut self.stack),
+                Form::Model(model) => self.world.models[model].meet(&[ray], &mut self.found, &mut self.stack),
                 Form::Sphere(sphere) => intersect_sphere(&sphere, &ray, &mut self.found[0]),
                 Form::Gaussians(_) | Form::Volume(_) | Form::Nothing => {}
             }

@@ -12,7 +12,7 @@ use super::cull::{Candidates, ObjectCones};
 use super::posed::{Body, BodyPose, CameraPose, Form, World};
 use super::sampler::LightNumbers;
 use super::shadows::{Receiver, Shadows};
-use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, intersect_sphere, traverse};
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, intersect_sphere};
 use crate::film::Aov;
 use crate::model::Material;
 use crate::model::mesh::SurfacePoint;
@@ -162,7 +162,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 self.targets[lane * world.bodies.len() + number] = Some(Target { pose, eye, direction, elapsed });
             }
             match body.form {
-                Form::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
+                Form::Model(model) => world.models[model].meet(&self.rays, &mut self.found, &mut self.stack),
                 Form::Sphere(sphere) => {
                     self.rays.iter().for_each(|ray| intersect_sphere(&sphere, ray, &mut self.found[ray.lane]));
                 }

@@ -11,8 +11,8 @@ use glam::DVec3;
 
 #[cfg(target_arch = "x86_64")]
 use super::boxes::avx;
-use super::boxes::{Beam, BoxRays, PACKET, above, below, enter_beam, enter_rays};
-use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, Rates, WIDTH};
+use super::boxes::{Beam, BoxRays, PACKET, above, below, corners, enter_beam, enter_rays, moved, moved_corners};
+use super::bvh::{Bvh, LANES, LEAF, Leaf, Rates, Sides, WIDTH};
 use crate::model::mesh::MeshSurface;
 use crate::model::paths::Elapsed;
 use crate::scene::Sphere;
@@ -89,26 +89,40 @@ impl Found {
 }
 
 /// Adds the surfels that `rays`, at most [`PACKET`], hit at depths up to the limits of their lanes, and lowers the
-/// limits.
+/// limits. Only rays whose times (factor 0 of `elapsed`) lie in `times` are followed, the end left out.
 ///
 /// The function is compiled for the baseline and for AVX2. The AVX2 version tests boxes with intrinsics, because
 /// compilers turn the plain code into shuffles. Boxes only decide which surfels are looked at, and the operations of
 /// the intersection are the same, so both versions give the same hits to the bit.
-pub(super) fn traverse(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack: &mut Vec<Waiting>) {
+pub(super) fn traverse(bvh: &Bvh, rays: &[ModelRay], times: [f64; 2], found: &mut [Found], stack: &mut Vec<Waiting>) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn avx2(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack: &mut Vec<Waiting>) {
-            let beam = |node: &Node, beam: &Beam| avx::enter_beam(node, beam);
-            traverse_body(bvh, rays, found, stack, beam, |node, slot, rays| avx::enter_rays(node, slot, rays));
+        fn avx2(bvh: &Bvh, rays: &[ModelRay], times: [f64; 2], found: &mut [Found], stack: &mut Vec<Waiting>) {
+            let beam = |sides: &Sides, beam: &Beam| avx::enter_beam(sides, beam);
+            let rays_enter = |corners: [[f32; 3]; 2], rays: &BoxRays| avx::enter_rays(corners, rays);
+            if bvh.drifts.is_empty() {
+                traverse_body::<false>(bvh, (rays, times), found, stack, beam, rays_enter);
+            } else {
+                traverse_body::<true>(bvh, (rays, times), found, stack, beam, rays_enter);
+            }
         }
         if std::arch::is_x86_feature_detected!("avx2") {
             #[allow(unsafe_code, reason = "AVX2 was detected on the line before")]
             // SAFETY: the CPU has the only feature that the function enables.
-            return unsafe { avx2(bvh, rays, found, stack) };
+            return unsafe { avx2(bvh, rays, times, found, stack) };
         }
     }
-    traverse_body(bvh, rays, found, stack, enter_beam, enter_rays);
+    plain(bvh, rays, times, found, stack);
+}
+
+/// [`traverse`] for the baseline.
+pub(super) fn plain(bvh: &Bvh, rays: &[ModelRay], times: [f64; 2], found: &mut [Found], stack: &mut Vec<Waiting>) {
+    if bvh.drifts.is_empty() {
+        traverse_body::<false>(bvh, (rays, times), found, stack, enter_beam, enter_rays);
+    } else {
+        traverse_body::<true>(bvh, (rays, times), found, stack, enter_beam, enter_rays);
+    }
 }
 
 /// Intersects the ideal sphere about the model's origin. A hit has the kernel's peak as weight. The sphere is seen from
@@ -140,26 +154,32 @@ pub(super) struct Waiting {
 }
 
 #[inline(always)]
-fn traverse_body(
+fn traverse_body<const MOVING: bool>(
     bvh: &Bvh,
-    rays: &[ModelRay],
+    (rays, times): (&[ModelRay], [f64; 2]),
     found: &mut [Found],
     stack: &mut Vec<Waiting>,
-    enter_beam: impl Fn(&Node, &Beam) -> ([f32; WIDTH], u32),
-    enter_rays: impl Fn(&Node, usize, &BoxRays) -> u32,
+    enter_beam: impl Fn(&Sides, &Beam) -> ([f32; WIDTH], u32),
+    enter_rays: impl Fn([[f32; 3]; 2], &BoxRays) -> u32,
 ) {
     if bvh.nodes.is_empty() {
         return;
     }
     let mut starts = [0.0; PACKET];
-    let Some((mut boxes, mut beam)) = approach(bvh, rays, found, &mut starts) else { return };
+    let Some((mut boxes, mut beam, shares)) = approach::<MOVING>(bvh, (rays, times), found, &mut starts) else {
+        return;
+    };
     stack.clear();
     let mut at = Waiting { node: 0, slot: 0, entry: 0.0 };
     let mut number = 0;
     loop {
         if number & LEAF == 0 {
             let node = &bvh.nodes[number as usize];
-            let (entries, mut mask) = enter_beam(node, &beam);
+            let (entries, mut mask) = if MOVING {
+                enter_beam(&moved(&node.sides, &bvh.drifts[number as usize], shares), &beam)
+            } else {
+                enter_beam(&node.sides, &beam)
+            };
             if mask != 0 {
                 // The nearest child is next; the others wait on the stack in any order.
                 let mut nearest = mask.trailing_zeros() as usize;
@@ -176,7 +196,13 @@ fn traverse_body(
                 continue;
             }
         } else {
-            let lanes = enter_rays(&bvh.nodes[at.node as usize], at.slot as usize, &boxes);
+            let (sides, slot) = (&bvh.nodes[at.node as usize].sides, at.slot as usize);
+            let corners = if MOVING {
+                moved_corners(sides, &bvh.drifts[at.node as usize], slot, shares)
+            } else {
+                corners(sides, slot)
+            };
+            let lanes = enter_rays(corners, &boxes);
             let number = (number & !LEAF) as usize;
             let elements = (&bvh.leaves[number], bvh.rates.get(number), bvh.surface.as_ref(), bvh.spheres);
             if lanes != 0 && leaf(elements, rays, lanes, found, &mut boxes, &starts) {
@@ -195,9 +221,18 @@ fn traverse_body(
     }
 }
 
-/// Moves the rays to the model's sphere, and bounds them by a beam. `None` if all miss the sphere.
+/// Moves the rays to the model's sphere, and bounds them by a beam and by two shares of the span of moving boxes.
+/// `None` if all miss the sphere.
 #[inline(always)]
-fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PACKET]) -> Option<(BoxRays, Beam)> {
+fn approach<const MOVING: bool>(
+    bvh: &Bvh,
+    (rays, times): (&[ModelRay], [f64; 2]),
+    found: &[Found],
+    starts: &mut [f64; PACKET],
+) -> Option<(BoxRays, Beam, [f32; 2])> {
+    let length = bvh.span[1] - bvh.span[0];
+    let per_time = if length > 0.0 { 1.0 / length } else { 0.0 };
+    let mut shares = [1.0_f32, 0.0];
     // A ray that misses the sphere enters no box.
     let mut boxes = BoxRays {
         origin: [[0.0; PACKET]; 3],
@@ -210,6 +245,9 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
     let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
     let (mut near, mut limit) = (f32::INFINITY, f32::NEG_INFINITY);
     for (l, ray) in rays.iter().enumerate() {
+        if MOVING && !(times[0]..times[1]).contains(&ray.elapsed[0]) {
+            continue;
+        }
         let d2 = ray.direction.length_squared();
         let from = ray.origin - bvh.centre;
         let middle = -from.dot(ray.direction) / d2;
@@ -241,6 +279,11 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
             ends[axis] =
                 [ends[axis][0].min(origin[axis]).min(end[axis]), ends[axis][1].max(origin[axis]).max(end[axis])];
         }
+        if MOVING {
+            // A time beyond the span is so by rounding alone.
+            let share = ((ray.elapsed[0] - bvh.span[0]) * per_time).clamp(0.0, 1.0) as f32;
+            shares = [shares[0].min(share), shares[1].max(share)];
+        }
         starts[l] = start;
         boxes.near[l] = below(ray.near - start);
         boxes.limit[l] = above(most - start);
@@ -265,7 +308,7 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
             beam.inverse[axis] = [f32::INFINITY; 2];
         }
     }
-    Some((boxes, beam))
+    Some((boxes, beam, shares))
 }
 
 /// Intersects the rays `lanes` (bit mask) with the elements of a leaf. Returns true if a limit fell.
@@ -284,10 +327,15 @@ fn leaf(
         lanes &= lanes - 1;
         let ray = &rays[l];
         let found = &mut found[ray.lane];
-        let shift = |l: usize| {
-            let Some(Rates(columns)) = rates else { return [0.0; 3] };
-            [0, 1, 2]
-                .map(|axis| (0..3).map(|column| f64::from(columns[column][axis][l]) * ray.elapsed[column]).sum::<f64>())
+        // Each sum in the same order and without `map`, which compilers call where they inline this.
+        let [first, second, third] = ray.elapsed;
+        let along = |columns: &[[[f32; LANES]; 3]; 3], axis: usize, l: usize| {
+            let rate = |column: usize| f64::from(columns[column][axis][l]);
+            rate(0) * first + rate(1) * second + rate(2) * third
+        };
+        let shift = |l: usize| match rates {
+            Some(Rates(columns)) => [along(columns, 0, l), along(columns, 1, l), along(columns, 2, l)],
+            None => [0.0; 3],
         };
         let fell_now = match (surface, rates) {
             _ if spheres => intersect_spheres(leaf, ray, found, shift),
@@ -392,6 +440,3 @@ fn intersect<const TRIANGLES: bool>(
     }
     found.limit < before
 }
-
-#[cfg(test)]
-mod tests;

@@ -279,7 +279,7 @@ impl<'a> Trial<'a> {
 
     fn trace(&self, options: &ReferenceOptions, frame: FrameNumber, share: Share<'_>) -> Result<Shot, StudyError> {
         let start = Instant::now();
-        let step = |step: reference::RoundProgress| share(step.share as f32);
+        let step = |step: reference::RoundProgress| share(if step.is_building() { 0.0 } else { step.share as f32 });
         let made = reference::render(&self.scene, frame, options, None, &step)?;
         Ok(Shot { picture: made.picture, seconds: start.elapsed().as_secs_f64() })
     }

@@ -45,6 +45,9 @@ fn a_reference_tells_how_far_it_is() {
     let options = ReferenceOptions { samples: 16, ..ReferenceOptions::default() };
     let watched = reference::picture_until(&scene(), 0, &options, &progress, &Stop::default()).unwrap();
     assert_ends_at_one(&told, 1, 8);
+    let building: Vec<f64> =
+        told.lock().unwrap().iter().filter(|done| done.round == 0).map(|done| done.share).collect();
+    assert_eq!(building.last(), Some(&1.0), "{building:?}");
     assert_eq!(watched, reference::picture(&scene(), 0, &options).unwrap());
     // It needs all its rounds, because no picture has such an error.
     told.lock().unwrap().clear();
@@ -66,6 +69,22 @@ fn work_ends_when_it_is_told_to() {
     assert!(matches!(ended, Err(ReferenceError::Stopped)));
     stop.clear();
     assert!(renderer.render(&scene(), 0, &RenderOptions::default()).is_ok());
+}
+
+/// A reference ends before its first sample, too.
+#[test]
+fn a_reference_ends_while_it_builds_what_it_traces() {
+    let (stop, told) = (Arc::new(Stop::default()), Arc::new(Mutex::new(Vec::new())));
+    let (stops, into) = (Arc::clone(&stop), Arc::clone(&told));
+    let progress = Progress::new(move |done| {
+        into.lock().unwrap().push(done);
+        stops.set();
+    });
+    let options = ReferenceOptions { samples: 16, ..ReferenceOptions::default() };
+    let ended = reference::picture_until(&scene(), 0, &options, &progress, &stop);
+    assert!(matches!(ended, Err(ReferenceError::Stopped)));
+    let told = told.lock().unwrap();
+    assert!(!told.is_empty() && told.iter().all(|done| done.round == 0), "{told:?}");
 }
 
 /// A reference ends within its samples of a pixel, too: so many would take hours.
