@@ -18,7 +18,7 @@ fn vector(i: u64, k: u64) -> DVec3 {
 }
 
 /// A model, and the column of its paths that surfels have none of. Every other size moves by itself; of 60 and 2000 each
-/// surfel, of others every ninth, far.
+/// surfel, of others those at one side, far.
 fn cloud(n: u64) -> (Surfels, Vec<Vec3>) {
     let mut surfels = Surfels::default();
     for i in 0..n {
@@ -33,7 +33,7 @@ fn cloud(n: u64) -> (Surfels, Vec<Vec3>) {
     }
     let speed = |i: u64| match n {
         60 | 2000 => 1.0,
-        _ if i % 9 == 0 => 20.0,
+        _ if vector(i, 0).x > 0.8 => 20.0,
         _ => 0.0,
     };
     surfels.velocity = (0..n).map(|i| (vector(i, 20) * speed(i)).as_vec3()).collect();
@@ -46,7 +46,7 @@ fn paths<'a>((surfels, third): &'a (Surfels, Vec<Vec3>)) -> Paths<'a> {
 }
 
 fn hierarchy<'a>(model: &(Surfels, Vec<Vec3>), range: [f64; 2]) -> Hierarchy<'a> {
-    Hierarchy::new(&model.0, &paths(model), (range, 1 << 30), (&|_| (), &|| false))
+    Hierarchy::new(&model.0, &paths(model), (range, 1 << 16), (&|_| (), &|| false))
 }
 
 /// Rays of a packet: from one place outside the model through places near each other, or in all directions.
