@@ -214,7 +214,9 @@ fn outline(bvh: &Bvh<'_>, times: [f64; 2], out: &mut Vec<[DVec3; 2]>) {
         inner.extend(is_node.then_some(child as usize));
         is_node
     });
-    inner.into_iter().for_each(|node| add(node, &mut |_| false));
+    for node in inner {
+        add(node, &mut |_| false);
+    }
 }
 
 /// Into how many slices the span is cut for which surfels: as many as keep boxes around neighbours short, as far as

@@ -41,7 +41,7 @@ fn cloud(n: u64) -> (Surfels, Vec<Vec3>) {
     (surfels, (0..n).map(|i| (vector(i, 40) * speed(i)).as_vec3()).collect())
 }
 
-fn paths<'a>((surfels, third): &'a (Surfels, Vec<Vec3>)) -> Paths<'a> {
+fn paths((surfels, third): &(Surfels, Vec<Vec3>)) -> Paths<'_> {
     Paths { columns: [&surfels.velocity, &surfels.acceleration, third] }
 }
 
