@@ -146,8 +146,8 @@ pub mod viewer;
 /// Types of public fields, results and errors that few programs name.
 pub mod fields {
     pub use crate::anim::{
-        AnimError, AnimLocation, CameraTrack, Chain, Drift, Interpolation, Intrinsics, NodeAnimation, NodeMotion,
-        NodePose, NodeState, TrackFormat, TrackOptions,
+        AnimError, AnimLocation, CameraPath, CameraTrack, Chain, Drift, Interpolation, Intrinsics, NodeAnimation,
+        NodeMotion, NodePose, NodeState, PathKey, PathTarget, PathTiming, PathView, TrackFormat, TrackOptions,
     };
     pub use crate::backend::{Achieved, GpuCalls, Pixels, Waste};
     pub use crate::environment::NotLatLong;

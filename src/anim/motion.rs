@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
+use super::camera_path::CameraPath;
 use super::camera_track::CameraTrack;
 use super::chain::Chain;
 use super::curve::Interpolation;
@@ -18,6 +19,8 @@ pub enum NodeMotion {
     Chain(Arc<Chain>),
     /// Poses of a camera.
     Track(Arc<CameraTrack>),
+    /// Keys of a camera. The object that it looks at counts in a scene alone.
+    Path(Arc<CameraPath>),
 }
 
 /// Where a node is at a time.
@@ -39,6 +42,7 @@ impl NodeMotion {
             }
             Self::Chain(chain) => NodePose { matrix: chain.at(seconds), visible: true },
             Self::Track(track) => NodePose { matrix: track.at(seconds), visible: true },
+            Self::Path(path) => NodePose { matrix: path.at(seconds, None), visible: true },
         }
     }
 
@@ -52,6 +56,7 @@ impl NodeMotion {
             }
             Self::Chain(chain) => chain.rigid_at(seconds),
             Self::Track(track) => track.at(seconds),
+            Self::Path(path) => path.at(seconds, None),
         }
     }
 
@@ -61,6 +66,7 @@ impl NodeMotion {
             Self::Curves(node) => node.range(),
             Self::Chain(chain) => chain.range(),
             Self::Track(track) => track.range(),
+            Self::Path(path) => path.range(),
         }
     }
 
@@ -69,7 +75,7 @@ impl NodeMotion {
         match self {
             Self::Curves(node) => node.has_scale(),
             Self::Chain(chain) => chain.has_scale(),
-            Self::Track(_) => false,
+            Self::Track(_) | Self::Path(_) => false,
         }
     }
 
@@ -79,7 +85,7 @@ impl NodeMotion {
         match self {
             Self::Curves(node) => node.breaks(from, to, interpolation),
             Self::Chain(chain) => chain.breaks(from, to),
-            Self::Track(_) => Vec::new(),
+            Self::Track(_) | Self::Path(_) => Vec::new(),
         }
     }
 
@@ -102,7 +108,7 @@ impl NodeMotion {
                 Some((transform.matrix().transform_point3(x), radius * scale, drift))
             }
             Self::Chain(chain) => chain.sweep(x, radius, from, to),
-            Self::Track(_) => None,
+            Self::Track(_) | Self::Path(_) => None,
         }
     }
 }
@@ -116,6 +122,12 @@ impl From<Arc<NodeAnimation>> for NodeMotion {
 impl From<CameraTrack> for NodeMotion {
     fn from(track: CameraTrack) -> Self {
         Self::Track(Arc::new(track))
+    }
+}
+
+impl From<CameraPath> for NodeMotion {
+    fn from(path: CameraPath) -> Self {
+        Self::Path(Arc::new(path))
     }
 }
 

@@ -15,7 +15,7 @@ use splatblur::model::{self, ModelError};
 use splatblur::movie;
 use splatblur::options::{self, Detail, Look, PixelFilter, Prefilter, Shading};
 use splatblur::scene::{Scene, Studio};
-use splatblur::scene_file::{self, LoadedScene};
+use splatblur::scene_file::{self, LoadedScene, SceneError};
 use splatblur::time::{Readout, Weight};
 
 use super::frames::{self, FrameList};
@@ -81,6 +81,9 @@ pub(super) struct Overrides {
     /// 0.4,down,middle [default: the scene's, else 0].
     #[arg(long, value_name = "FRAMES[,DIRECTION][,ANCHOR]", allow_hyphen_values = true, help_heading = "Scene")]
     readout: Option<Readout>,
+    /// XML file with one <camera>, which takes the place of the scene's; where it has keys, the frames are theirs.
+    #[arg(long, value_name = "FILE", help_heading = "Scene")]
+    camera_path: Option<PathBuf>,
 }
 
 impl Overrides {
@@ -275,6 +278,7 @@ impl Running {
             shutter,
             readout: overrides.readout,
             studio: alone.studio,
+            camera_path: overrides.camera_path.as_deref(),
             progress: Some(&step),
         };
         let mut loaded = match kind {
@@ -296,7 +300,10 @@ impl Running {
         }
         overrides.apply(&mut loaded.scene)?;
         if kind == InputKind::Model {
-            let camera = scene_file::camera_line(&loaded.scene.camera);
+            let camera = match &overrides.camera_path {
+                Some(path) => format!("the camera of {}", path.display()),
+                None => scene_file::camera_line(&loaded.scene.camera),
+            };
             let mut notes = vec![format!("{} is a model: took a scene of it alone, seen by {camera}", path.display())];
             notes.extend(loaded.studio.map(studio::in_words));
             if !self.quiet {
@@ -311,9 +318,9 @@ impl Running {
 }
 
 /// A file of unknown content may have been meant as a scene.
-fn explained(error: ModelError) -> anyhow::Error {
+fn explained(error: SceneError) -> anyhow::Error {
     match error {
-        ModelError::UnknownFormat { path } => anyhow::anyhow!(
+        SceneError::Alone(ModelError::UnknownFormat { path }) => anyhow::anyhow!(
             "{} is neither a scene (XML) nor a model of a known format ({})",
             path.display(),
             model::ModelFormat::KNOWN

@@ -8,7 +8,7 @@ use super::files::{Role, files};
 use super::{MIDDLE, Recipe};
 use crate::math::focal_length;
 use crate::scene::Scene;
-use crate::scene::pose::camera_from_world;
+use crate::scene::pose::{camera_from_world, fovy};
 use crate::time::{FrameNumber, Shutter};
 
 /// Its name.
@@ -35,8 +35,11 @@ type Rows = [[f64; 4]; 4];
 #[derive(Serialize)]
 struct Head<'a> {
     camera_model: &'static str,
-    fl_x: f64,
-    fl_y: f64,
+    /// `None`: frames have their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fl_x: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fl_y: Option<f64>,
     cx: f64,
     cy: f64,
     w: u32,
@@ -83,6 +86,11 @@ struct Entry {
     file_path: String,
     /// Number of the frame.
     frame: FrameNumber,
+    /// Focal length of the frame; `None`: all have one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fl_x: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fl_y: Option<f64>,
     /// The camera in the middle of the shutter.
     transform_matrix: Rows,
     open: Instant,
@@ -128,7 +136,7 @@ pub fn transforms(
     origin: &Origin,
 ) -> Result<String, serde_json::Error> {
     let [width, height] = [scene.image.width, scene.image.height];
-    let focal = focal_length(f64::from(height), scene.camera.fovy);
+    let focal = one_focal(scene, frames);
     let shutter = &scene.shutter;
     let head = Head {
         camera_model: "PINHOLE",
@@ -146,11 +154,26 @@ pub fn transforms(
         seed,
         splatblur: origin,
     };
-    let entries = frames.iter().map(|&frame| serde_json::to_string(&entry(scene, frame, recipe)));
+    let entry = |&frame: &FrameNumber| {
+        let own = focal.is_none().then(|| focal_of(scene, frame));
+        serde_json::to_string(&Entry { fl_x: own, fl_y: own, ..entry(scene, frame, recipe) })
+    };
+    let entries = frames.iter().map(entry);
     let entries = entries.collect::<Result<Vec<_>, _>>()?.join(",\n    ");
     let head = serde_json::to_string_pretty(&head)?;
     let open = head.trim_end().trim_end_matches('}').trim_end();
     Ok(format!("{open},\n  \"frames\": [\n    {entries}\n  ]\n}}\n"))
+}
+
+/// Focal length of a frame, pixels.
+fn focal_of(scene: &Scene, frame: FrameNumber) -> f64 {
+    focal_length(f64::from(scene.image.height), fovy(scene, frame.get()))
+}
+
+/// The focal length that all frames have. Where it stands in the head, nerfstudio reads none of the frames.
+fn one_focal(scene: &Scene, frames: &[FrameNumber]) -> Option<f64> {
+    let first = frames.first().map_or(0.0, |&frame| focal_of(scene, frame));
+    frames.iter().all(|&frame| focal_of(scene, frame) == first).then_some(first)
 }
 
 fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
@@ -174,6 +197,8 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
     Entry {
         file_path: path(Role::Blur).unwrap_or_default(),
         frame,
+        fl_x: None,
+        fl_y: None,
         transform_matrix: instant(MIDDLE).transform_matrix,
         open: instant(0.0),
         middle: instant(MIDDLE),

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::model::SurfelModel;
 use super::pose::object_pose;
 use super::shape::Shape;
-use super::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Object, Scene};
+use super::values::{Camera, FrameRange, ImageSettings, Light, Object, Scene};
 use crate::files::Seen;
 use crate::math::Bounds;
 use crate::time::Shutter;
@@ -71,11 +71,11 @@ pub(crate) struct GivenFrames {
 
 /// The frames of a scene: what is given, else the union of the ranges of all keys, else by whether an object moves.
 ///
-/// `camera_moves`: by formula. `file_rate` is the rate that an animation file gives, frames per second.
+/// `camera`: the range of its keys, seconds. `camera_moves`: by formula. `file_rate` is the rate that an animation file gives, frames per second.
 pub(crate) fn frames(
     given: &GivenFrames,
     objects: &[Object],
-    camera: Option<&AnimationBinding>,
+    camera: Option<(f64, f64)>,
     camera_moves: bool,
     file_rate: Option<f64>,
 ) -> FrameRange {
@@ -86,9 +86,14 @@ pub(crate) fn frames(
         let rate = range(given, std::iter::empty(), file_rate, false).rate;
         return FrameRange { first, last, rate };
     }
-    let bindings = objects.iter().filter_map(|object| object.animation.as_ref()).chain(camera);
+    let bindings = objects.iter().filter_map(|object| object.animation.as_ref());
     let moving = camera_moves || objects.iter().any(|object| !object.motions.is_empty());
-    range(given, bindings.map(|binding| binding.node.range()), file_rate, moving)
+    range(given, bindings.map(|binding| binding.node.range()).chain(camera), file_rate, moving)
+}
+
+/// The frames from the first to the last of `keys`, seconds, at `rate` frames per second.
+pub(crate) fn frames_of_keys(keys: (f64, f64), rate: f64) -> FrameRange {
+    range(&GivenFrames { rate: Some(rate), ..GivenFrames::default() }, std::iter::once(keys), None, false)
 }
 
 /// The frames at which the files of all sequences are shown.

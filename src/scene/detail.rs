@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::pose::{camera_from_world, object_pose};
+use super::pose::{camera_from_world, fovy, object_pose};
 use super::values::{Object, Scene};
 use crate::model::mesh::{Fineness, Lens};
 
@@ -27,13 +27,13 @@ pub(crate) fn wanted_fineness(scene: &Scene, object: &Object) -> Fineness {
     let poses = last.saturating_sub(first).saturating_add(1).clamp(1, POSES);
     let mid = 0.5 * (scene.shutter.open + scene.shutter.close);
     let size = DVec2::new(scene.image.width.into(), scene.image.height.into());
-    let pixel = 2.0 * libm::tan(0.5 * scene.camera.fovy) / size.y;
     let middle = scene.camera.shift * size * DVec2::new(-1.0, 1.0);
-    let window = [middle - 0.5 * size, middle + 0.5 * size].map(|corner| corner * pixel);
-    let lens = Lens { near: scene.camera.near, window, spacing: pixel / FINENESS };
     for i in 0..poses {
         let share = if poses > 1 { i as f64 / (poses - 1) as f64 } else { 0.0 };
         let frame = (first as f64 + (last as f64 - first as f64) * share).round();
+        let pixel = 2.0 * libm::tan(0.5 * fovy(scene, frame)) / size.y;
+        let window = [middle - 0.5 * size, middle + 0.5 * size].map(|corner| corner * pixel);
+        let lens = Lens { near: scene.camera.near, window, spacing: pixel / FINENESS };
         let pose = object_pose(scene, object, frame + mid);
         if pose.visible {
             let camera_from_model = camera_from_world(scene, frame + mid) * pose.world_from_model;

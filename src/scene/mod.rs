@@ -16,7 +16,7 @@ mod studio;
 mod unseen;
 mod values;
 
-pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
+pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, frames_of_keys, lights};
 pub(crate) use self::cut::{BlockErrors, Cut, CutTolerance};
 pub(crate) use self::detail::{SURFELS, wanted_fineness};
 pub use self::model::{GaussianModel, SurfelModel};

@@ -2,8 +2,9 @@
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
+use crate::anim::{CameraPath, NodeMotion};
 use crate::math::{norm, rotation};
-use crate::scene::{Camera, Motion, Object, Scene};
+use crate::scene::{AnimationBinding, Camera, Motion, Object, Scene};
 
 /// An object at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,11 +113,47 @@ pub fn camera_from_world(scene: &Scene, frame_time: f64) -> DMat4 {
     let at_rest = camera.animation.as_ref().map_or_else(
         || look_at(camera),
         |binding| {
+            let seconds = seconds(scene, frame_time);
             // Scale on a camera node means nothing: only its axes and position count.
-            rigid_inverse(&binding.node.rigid_at(seconds(scene, frame_time), binding.interpolation))
+            rigid_inverse(&match path(scene) {
+                Some(path) => path.at(seconds, target(scene, path, frame_time)),
+                None => binding.node.rigid_at(seconds, binding.interpolation),
+            })
         },
     );
     camera.motions.iter().fold(at_rest, |view, motion| view * rigid_inverse(&motion_matrix(motion, frame_time)))
+}
+
+/// The path that the camera flies.
+fn path(scene: &Scene) -> Option<&CameraPath> {
+    match &scene.camera.animation.as_ref()?.node {
+        NodeMotion::Path(path) => Some(path),
+        NodeMotion::Curves(_) | NodeMotion::Chain(_) | NodeMotion::Track(_) => None,
+    }
+}
+
+/// The object that the camera's path looks at.
+fn target_object<'a>(scene: &'a Scene, path: &CameraPath) -> Option<&'a Object> {
+    let name = &path.target.as_ref()?.object;
+    scene.objects.iter().find(|object| object.name == *name)
+}
+
+/// Where that object's middle is at scene time `frame_time` (frames).
+fn target(scene: &Scene, path: &CameraPath, frame_time: f64) -> Option<DVec3> {
+    let centre = path.target.as_ref()?.centre;
+    let pose = object_pose(scene, target_object(scene, path)?, frame_time);
+    Some(pose.world_from_model.transform_point3(centre)).filter(|place| place.is_finite())
+}
+
+/// Vertical field of view of frame `number`, radians. It is that of the frame's number for the whole exposure.
+pub fn fovy(scene: &Scene, number: f64) -> f64 {
+    path(scene).map_or(scene.camera.fovy, |path| path.fovy(seconds(scene, number)))
+}
+
+/// What moves the camera: its animation, and that of the object that its path looks at.
+fn of_camera(scene: &Scene) -> impl Iterator<Item = &AnimationBinding> {
+    let target = path(scene).and_then(|path| target_object(scene, path));
+    scene.camera.animation.as_ref().into_iter().chain(target.and_then(|object| object.animation.as_ref()))
 }
 
 fn seconds(scene: &Scene, frame_time: f64) -> f64 {
@@ -154,7 +191,7 @@ pub fn object_velocity(scene: &Scene, object: &Object, frame_time: f64) -> DMat4
     let span = scene.shutter.close - scene.shutter.open;
     let step = span / 512.0;
     let jumps = |from: f64, to: f64| {
-        [object.animation.as_ref(), scene.camera.animation.as_ref()].into_iter().flatten().any(|binding| {
+        object.animation.iter().chain(of_camera(scene)).any(|binding| {
             !binding.node.breaks(seconds(scene, from), seconds(scene, to), binding.interpolation).is_empty()
         })
     };
@@ -176,7 +213,7 @@ const MOST_JUMPS: usize = 1024;
 pub fn jumps(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
     let objects = scene.objects.iter().filter(|object| object.blur).filter_map(|object| object.animation.as_ref());
     let mut times: Vec<f64> = objects
-        .chain(scene.camera.animation.as_ref())
+        .chain(of_camera(scene))
         .flat_map(|binding| binding.node.breaks(seconds(scene, from), seconds(scene, to), binding.interpolation))
         .map(|time| time * scene.frames.rate)
         .collect();

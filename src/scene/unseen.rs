@@ -80,7 +80,7 @@ pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: boo
         }
         let empty = |parts: &[Object]| parts.iter().all(|part| part.shape.bounds().is_empty());
         return match scene.parts(object, number) {
-            Ok(parts) if !empty(&parts) => of_parts(scene, &parts, number, drawn),
+            Ok(parts) if !empty(&parts) => of_parts(&scene.zoomed(number), &parts, number, drawn),
             // A file that cannot be read has ended the rendering before.
             Ok(_) | Err(_) => Unseen::EmptyFrame,
         };
@@ -88,7 +88,7 @@ pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: boo
     if object.shape.bounds().is_empty() {
         return Unseen::Empty;
     }
-    of_parts(scene, std::slice::from_ref(object), number, drawn)
+    of_parts(&scene.zoomed(number), std::slice::from_ref(object), number, drawn)
 }
 
 /// How many places of points there are of each kind.

@@ -28,6 +28,25 @@ pub(super) fn check(source: &Source, root: &Element, lenient: bool) -> Result<Ve
     Ok(notes)
 }
 
+/// Checks a tree whose root is a `<camera>`, which names no files.
+pub(super) fn check_camera(source: &Source, root: &Element) -> Result<(), SceneError> {
+    let schema = schema_of("camera").unwrap_or_else(super::schema::root);
+    if root.name != schema.name {
+        let found = format!("the root element {}", quoted(&root.name));
+        let expected = "<camera>: a camera path has one, and nothing else".to_owned();
+        return Err(SceneError::Syntax { at: source.locate(root.at), found, expected });
+    }
+    if let Some(child) = root.children.iter().find(|child| matches!(child.name.as_str(), "animation" | "track")) {
+        return Err(SceneError::BadValue {
+            at: source.locate(child.at),
+            what: format!("<{}>", child.name),
+            found: "in a camera path".to_owned(),
+            expected: "<key>; files are named in scenes alone".to_owned(),
+        });
+    }
+    Checker { source, lenient: false, notes: Vec::new(), more: 0 }.element(root, schema)
+}
+
 /// Stands for the selector's value where the weight is drawn: no attribute shapes it.
 const CURVE: &str = "a <curve>";
 

@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::attributes::Part;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
+use super::flight::Flight;
 use crate::anim::{Interpolation, TrackFormat, TrackOptions};
 use crate::limits::FAR;
 use crate::math::{RotateOrder, Trs};
@@ -58,6 +59,8 @@ pub(super) struct CameraSpec {
     /// True if the scene says the field of view.
     pub(super) says_fovy: bool,
     pub(super) motions: Vec<Motion>,
+    /// Its keys, or the object that it looks at.
+    pub(super) flight: Option<Flight>,
 }
 
 #[derive(Debug)]
@@ -240,7 +243,8 @@ fn drawn(source: &Source, curve: &Element) -> Result<Weight, SceneError> {
     })
 }
 
-fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
+/// Reads a checked `<camera>`.
+pub(super) fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
     Ok(CameraSpec {
         at: part.element.at,
         given: GivenCamera {
@@ -254,6 +258,7 @@ fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
         track: track(part)?,
         says_fovy: part.given("fovy"),
         motions: motions(part)?,
+        flight: Flight::read(part)?,
     })
 }
 

@@ -32,6 +32,9 @@ impl fmt::Display for Location {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
+    /// A model that is shown alone was refused.
+    #[error(transparent)]
+    Alone(#[from] ModelError),
     /// The size that was asked for is out of its bounds.
     #[error(transparent)]
     Invalid(#[from] Invalid),

@@ -9,6 +9,7 @@ mod check;
 mod document;
 mod dom;
 mod error;
+mod flight;
 mod opening;
 mod paths;
 mod play;
@@ -27,15 +28,18 @@ use glam::DVec3;
 use crate::files;
 use crate::image::{Display, ViewTransform};
 use crate::math::Trs;
-use crate::model::{self, Kind, LoadProgress, ModelError, ModelFormat};
+use crate::model::{self, Kind, LoadProgress, ModelFormat};
 use crate::options::words;
 use crate::scene::{Camera, Object, Scene, Studio, StudioLight, StudioOptions};
 use crate::time::Readout;
 
+use self::attributes::Part;
+use self::resolve::Flown;
+
 pub use self::error::{EnvironmentError, Location, SceneError};
 pub use self::opening::Opening;
 pub use self::play::{NoPlay, Play, play};
-pub use self::write::{camera_line, to_xml};
+pub use self::write::{camera_line, camera_path, to_xml};
 
 /// How scene files are read.
 #[derive(Clone, Copy, Default)]
@@ -61,6 +65,8 @@ pub struct SceneLoadOptions<'a> {
     pub readout: Option<Readout>,
     /// The studio of a model alone; `None`: the bare model. Scene files have none.
     pub studio: Option<StudioOptions>,
+    /// A file with one `<camera>`, which takes the place of the scene's. Where it has keys, the frames are theirs.
+    pub camera_path: Option<&'a Path>,
     /// Told about slow steps.
     pub progress: Option<LoadProgress<'a>>,
 }
@@ -138,7 +144,20 @@ fn load_scene(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec
     if let Some((width, height)) = options.size {
         (document.image.width, document.image.height, document.size_given) = (width, height, true);
     }
-    resolve::resolve(&source, document, options, notes)
+    let flown = flown(options)?;
+    resolve::resolve(&source, document, options, notes, flown)
+}
+
+/// Reads the file of the camera that takes the place of the scene's.
+fn flown(options: &SceneLoadOptions<'_>) -> Result<Option<Flown>, SceneError> {
+    let Some(path) = options.camera_path else { return Ok(None) };
+    files::steady(|| {
+        let source = xml::decode(path, &xml::read(path)?)?;
+        let root = xml::parse(&source)?;
+        check::check_camera(&source, &root)?;
+        let spec = document::camera(&Part::new(&source, &root, "camera"))?;
+        Ok(Some(Flown { source, spec }))
+    })
 }
 
 /// A scene of one model file, as a scene file with this model alone would be: 1024 x 768 pixels if the options do not
@@ -146,15 +165,16 @@ fn load_scene(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec
 /// all. With a [`StudioOptions`], the same model in a studio.
 ///
 /// # Errors
-/// The file cannot be read, or is not a valid model with at least one point.
-pub fn load_model(path: &Path, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, ModelError> {
+/// The file cannot be read, or is not a valid model with at least one point ([`SceneError::Alone`]), or the file of
+/// the camera is not valid.
+pub fn load_model(path: &Path, options: &SceneLoadOptions<'_>) -> Result<LoadedScene, SceneError> {
     let (loaded, files) = files::listed(|| load_alone(path, options));
     loaded.map(|(scene, notes, studio)| LoadedScene { scene: Scene { files, ..scene }, notes, studio })
 }
 
 type Alone = (Scene, Vec<String>, Option<Studio>);
 
-fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, ModelError> {
+fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, SceneError> {
     let silent = |_: &str, _: f32| {};
     let progress = options.progress.unwrap_or(&silent);
     let points = model::PointOptions { radius: options.radius, ..model::PointOptions::default() };
@@ -181,6 +201,9 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, Mode
     }
     // Before a mesh is sampled as finely as its camera sees it.
     let studio = options.studio.map(|wanted| scene.enter_studio(&wanted));
+    if let Some(flown) = flown(options)? {
+        flown.enter(&mut scene)?;
+    }
     if let Some(source) = mesh {
         notes.clear();
         let mesh = resolve::SampledMesh { path: path.to_owned(), source, shape, is_coarse: true };

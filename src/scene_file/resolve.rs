@@ -31,8 +31,14 @@ pub(super) fn resolve(
     document: Document,
     options: &SceneLoadOptions<'_>,
     notes: Vec<String>,
+    flown: Option<Flown>,
 ) -> Result<(Scene, Vec<String>), SceneError> {
     let finder = Finder::new(source, options.restrict)?;
+    // A camera of a file of its own takes the place of the scene's.
+    let (camera_source, spec) = match &flown {
+        Some(Flown { source, spec }) => (source, Some(spec)),
+        None => (source, document.camera.as_ref()),
+    };
     let mut files = Files {
         source,
         finder,
@@ -44,16 +50,16 @@ pub(super) fn resolve(
         meshes: Vec::new(),
         sampled: 0,
         animations: HashMap::new(),
-        automatic: document.camera.as_ref().is_none_or(|camera| camera.given.eye.is_none()),
+        automatic: spec.is_none_or(|camera| camera.completed().eye.is_none()),
         rate: None,
     };
     let sides_given: Vec<bool> = document.objects.iter().map(|object| object.two_sided.is_some()).collect();
     let objects = document.objects.into_iter().map(|o| files.object(o)).collect::<Result<Vec<_>, _>>()?;
-    let camera_binding = match document.camera.as_ref().and_then(|c| c.animation.as_ref()) {
+    let camera_binding = match spec.and_then(|c| c.animation.as_ref()) {
         Some(spec) => Some(files.bind(spec)?),
         None => None,
     };
-    let track = match document.camera.as_ref().and_then(|camera| camera.track.as_ref()) {
+    let track = match spec.and_then(|camera| camera.track.as_ref()) {
         Some((file, given)) => Some(files.track(file, *given, document.frames.rate)?),
         None => None,
     };
@@ -69,9 +75,15 @@ pub(super) fn resolve(
     {
         files.notes.push("`reflection` of <material> mirrors the <environment>, and means nothing without".to_owned());
     }
-    let camera_moves = document.camera.as_ref().is_some_and(|c| !c.motions.is_empty());
+    let camera_moves = spec.is_some_and(|c| !c.motions.is_empty());
     let file_rate = files.rate.map(|(_, rate)| rate);
-    let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), camera_moves, file_rate);
+    let flight = spec.and_then(|camera| camera.flight.as_ref());
+    let rate = document.frames.rate.or(file_rate).unwrap_or(scene::RATE);
+    let keys = flight.and_then(|flight| flight.range(rate)).or(camera_binding.as_ref().map(|b| b.node.range()));
+    let mut frames = scene::frames(&document.frames, &objects, keys, camera_moves, file_rate);
+    if let Some(keys) = keys.filter(|_| flown.is_some()) {
+        frames = scene::frames_of_keys(keys, frames.rate);
+    }
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let lights = if document.lights.is_empty() && !is_lit { scene::lights() } else { document.lights };
     let mut scene = Scene {
@@ -85,12 +97,11 @@ pub(super) fn resolve(
         objects,
         files: Seen::new(),
     };
-    scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
-    let says_fovy = document.camera.as_ref().is_some_and(|camera| camera.says_fovy);
+    scene.camera = camera(camera_source, &scene, spec, camera_binding)?;
+    let says_fovy = spec.is_some_and(|camera| camera.says_fovy);
     if let Some(intrinsics) = intrinsics {
         files.notes.extend(look_through(&mut scene, &intrinsics, document.size_given, says_fovy));
     }
-    scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     let mut notes = files.notes;
     files.meshes.retain(|mesh| mesh.is_coarse);
     for mesh in &files.meshes {
@@ -199,6 +210,35 @@ fn show_insides(scene: &mut Scene, sides_given: &[bool], notes: &mut Vec<String>
     }
 }
 
+/// A camera of a file of its own.
+pub(super) struct Flown {
+    pub(super) source: Source,
+    pub(super) spec: CameraSpec,
+}
+
+impl Flown {
+    /// Puts it into the scene of a model alone, whose camera says how near things show.
+    pub(super) fn enter(mut self, scene: &mut Scene) -> Result<(), SceneError> {
+        self.spec.given.near = self.spec.given.near.or(Some(scene.camera.near));
+        if let Some(keys) = self.spec.flight.as_ref().and_then(|flight| flight.range(scene.frames.rate)) {
+            scene.frames = scene::frames_of_keys(keys, scene.frames.rate);
+        }
+        scene.camera = camera(&self.source, scene, Some(&self.spec), None)?;
+        Ok(())
+    }
+}
+
+impl CameraSpec {
+    /// What the camera says, and its first key.
+    fn completed(&self) -> GivenCamera {
+        let mut given = self.given;
+        if let Some(flight) = &self.flight {
+            flight.complete(&mut given, self.says_fovy);
+        }
+        given
+    }
+}
+
 fn camera(
     source: &Source,
     scene: &Scene,
@@ -216,8 +256,12 @@ fn camera(
                 ..Camera::new(eye, given.at.unwrap_or(eye + DVec3::NEG_Z))
             }
         }
-        _ => scene::camera(scene, &spec.map_or_else(GivenCamera::default, |spec| spec.given)),
+        _ => scene::camera(scene, &spec.map_or_else(GivenCamera::default, CameraSpec::completed)),
     };
+    let camera = Camera { motions: spec.map_or_else(Vec::new, |spec| spec.motions.clone()), ..camera };
+    if let Some((spec, flight)) = spec.and_then(|spec| spec.flight.as_ref().map(|flight| (spec, flight))) {
+        return flight.fly(source, scene, camera, &spec.given);
+    }
     if camera.animation.is_some() {
         return Ok(camera);
     }

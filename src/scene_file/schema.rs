@@ -90,6 +90,8 @@ pub(super) enum Absent {
     Auto(#[cfg_attr(not(test), expect(dead_code, reason = "for docs/scene-format.md alone"))] &'static str),
 }
 
+/// Frames that easing takes.
+const EASE: Range = Range(0.0, limits::FRAME.1);
 const MOST_NUMBER: i64 = 1_000_000_000;
 const FRAME: ValueKind = ValueKind::Integer(-limits::MOST_FRAME, limits::MOST_FRAME);
 const PIXELS: ValueKind = ValueKind::Integer(*limits::SIDE.start() as i64, *limits::SIDE.end() as i64);
@@ -266,10 +268,37 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("0 1 0; 0 -1 0 where all objects are captures as they are"),
                 "up direction, not along the view",
             ),
+            row("atObject", ValueKind::Text, Auto("none"), "name of an object: the camera looks at its middle, not at `at`"),
             row("fovy", ValueKind::Number(limits::FOVY), Value("40"), "vertical field of view, degrees"),
             row("near", ValueKind::Number(limits::LENGTH), Value("0.01"), "nearest visible depth, scene units"),
+            row(
+                "speed",
+                ValueKind::Choice(&["keys", "constant"]),
+                Value("keys"),
+                "keys: each is reached at its frame; constant: the eye has one speed from the first to the last",
+            ),
+            row("easeIn", ValueKind::Number(EASE), Value("0"), "frames over which the speed rises from 0"),
+            row("easeOut", ValueKind::Number(EASE), Value("0"), "frames over which the speed falls to 0"),
         ],
-        children: &[child("animation", AtMostOne), child("track", AtMostOne), child("motion", Any)],
+        children: &[child("animation", AtMostOne), child("track", AtMostOne), child("key", Any), child("motion", Any)],
+    },
+    ElementSchema {
+        name: "key",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("frame", ValueKind::Number(limits::FRAME), Required, "frame; after that of the key before"),
+            row("eye", ValueKind::Vector(COORDINATE), Auto("that of `<camera>`"), "eye point"),
+            row("at", ValueKind::Vector(COORDINATE), Auto("that of `<camera>`"), "point looked at"),
+            row("up", ValueKind::Direction, Auto("that of `<camera>`"), "up direction, not along the view"),
+            row(
+                "fovy",
+                ValueKind::Number(limits::FOVY),
+                Auto("that of `<camera>`"),
+                "vertical field of view, degrees",
+            ),
+        ],
+        children: &[],
     },
     ElementSchema {
         name: "track",

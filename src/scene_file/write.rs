@@ -10,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 use glam::{DVec3, Vec3};
 
 use super::xml::is_xml;
-use crate::anim::{Interpolation, NodeMotion, TrackOptions};
+use crate::anim::{CameraPath, Interpolation, NodeMotion, PathKey, PathTiming, TrackOptions};
 use crate::limits::{LIGHT, MOST_INTENSITY};
 use crate::math::Trs;
 use crate::model::{
@@ -41,7 +41,7 @@ pub fn to_xml(scene: &Scene, relative_to: &Path) -> String {
         &[("first", frames.first.to_string()), ("last", frames.last.to_string()), ("rate", number(frames.rate))],
     );
     out.shutter(&scene.shutter);
-    out.camera(&scene.camera, relative_to);
+    out.camera(1, &scene.camera, relative_to);
     // A file without any light has those of the default.
     let is_lit = scene.environment.as_ref().is_some_and(|environment| environment.light);
     let darkness = (scene.lights.is_empty() && !is_lit).then_some(Light::Ambient { colour: DVec3::ZERO });
@@ -76,6 +76,24 @@ fn camera_attributes(camera: &Camera) -> [(&'static str, String); 5] {
         ("fovy", degrees(camera.fovy)),
         ("near", number(camera.near)),
     ]
+}
+
+/// How a path is flown; what is as by default is left out, because one key alone takes none of it.
+fn path_attributes(path: &CameraPath) -> Vec<(&'static str, String)> {
+    let PathTiming { constant_speed, ease_in, ease_out } = path.timing();
+    let mut attributes = Vec::new();
+    attributes.extend(path.target.as_ref().map(|target| ("atObject", target.object.clone())));
+    attributes.extend(constant_speed.then(|| ("speed", "constant".to_owned())));
+    let easing = [("easeIn", ease_in), ("easeOut", ease_out)].into_iter().filter(|(_, frames)| *frames > 0.0);
+    attributes.extend(easing.map(|(name, frames)| (name, number(frames))));
+    attributes
+}
+
+/// A camera's keys as a file of their own, for `--camera-path`.
+pub fn camera_path(camera: &Camera) -> String {
+    let mut out = Xml(String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"));
+    out.camera(0, camera, Path::new(""));
+    out.0
 }
 
 struct Xml(String);
@@ -133,8 +151,16 @@ impl Xml {
         self.line(1, "shutter", &attributes);
     }
 
-    fn camera(&mut self, camera: &Camera, base: &Path) {
-        self.open(1, "camera", &camera_attributes(camera));
+    fn camera(&mut self, depth: usize, camera: &Camera, base: &Path) {
+        let mut attributes = camera_attributes(camera).to_vec();
+        let path = camera.animation.as_ref().and_then(|binding| match &binding.node {
+            NodeMotion::Path(path) => Some(path),
+            NodeMotion::Curves(_) | NodeMotion::Chain(_) | NodeMotion::Track(_) => None,
+        });
+        if let Some(path) = path {
+            attributes.extend(path_attributes(path));
+        }
+        self.open(depth, "camera", &attributes);
         if camera.rests() {
             self.0.push_str("/>\n");
             return;
@@ -144,7 +170,19 @@ impl Xml {
             self.animation(animation, base);
         }
         camera.motions.iter().for_each(|motion| self.motion(motion));
-        self.0.push_str("  </camera>\n");
+        self.0.push_str(if depth == 0 { "</camera>\n" } else { "  </camera>\n" });
+    }
+
+    fn key(&mut self, key: &PathKey) {
+        let PathKey { frame, eye, at, up, fovy } = *key;
+        let attributes = [
+            ("frame", number(frame)),
+            ("eye", vector(eye)),
+            ("at", vector(at)),
+            ("up", vector(up)),
+            ("fovy", degrees(fovy)),
+        ];
+        self.line(2, "key", &attributes);
     }
 
     fn light(&mut self, light: &Light) {
@@ -345,6 +383,7 @@ impl Xml {
                 ];
                 return self.file(2, "track", &attributes, &relative(&binding.path, base));
             }
+            NodeMotion::Path(path) => return path.keys().iter().for_each(|key| self.key(key)),
         };
         let interpolation = match binding.interpolation {
             Interpolation::Maya => "maya",

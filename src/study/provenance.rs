@@ -331,7 +331,8 @@ fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
     let models = scene.objects.iter().filter(is_model).filter(has_file).map(|object| &object.source.path);
     let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);
     let environment = scene.environment.as_ref().map(|environment| &environment.path);
-    let camera = scene.camera.animation.as_ref().map(|a| &a.path);
+    // Keys of a camera stand in the scene.
+    let camera = scene.camera.animation.as_ref().map(|a| &a.path).filter(|path| !path.as_os_str().is_empty());
     models.chain(animations).chain(environment).chain(camera).map(|path| (path, None)).collect()
 }
 

@@ -202,6 +202,16 @@ fn binding(b: &AnimationBinding) -> Value {
                 ("loop", json!(chain.looped)),
             ]);
         }
+        NodeMotion::Path(path) => {
+            let timing = path.timing();
+            pairs.extend([
+                ("keys", json!(path.keys().len())),
+                ("speed", json!(if timing.constant_speed { "constant" } else { "keys" })),
+                ("ease_in_frames", json!(timing.ease_in)),
+                ("ease_out_frames", json!(timing.ease_out)),
+                ("at_object", json!(path.target.as_ref().map(|target| &target.object))),
+            ]);
+        }
         NodeMotion::Track(track) => {
             pairs.extend([("format", json!(track.options.format.word())), ("poses", json!(track.poses()))]);
         }
