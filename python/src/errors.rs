@@ -106,6 +106,9 @@ impl Raise for SceneError {
         if let Self::Invalid(invalid) = self {
             return invalid.raise(py);
         }
+        if let Self::Alone(model) = self {
+            return model.raise(py);
+        }
         let (at, found, expected) = details(self);
         let made = (|| {
             let fields = PyDict::new(py);

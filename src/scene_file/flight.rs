@@ -59,7 +59,12 @@ impl Flight {
             };
             for (name, missing) in [("eye", key.eye.is_none()), ("at", key.at.is_none())] {
                 if missing && !camera.given(name) && !(name == "at" && camera.given("atObject")) {
-                    return Err(part.bad(name, &"missing", format!("`{name}` of this <key>, or of <camera>")));
+                    return Err(SceneError::BadValue {
+                        at: camera.source.locate(element.at),
+                        what: format!("`{name}`"),
+                        found: "missing".to_owned(),
+                        expected: format!("`{name}` of this <key>, or of <camera>"),
+                    });
                 }
             }
             Ok(key)

@@ -268,7 +268,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("0 1 0; 0 -1 0 where all objects are captures as they are"),
                 "up direction, not along the view",
             ),
-            row("atObject", ValueKind::Text, Auto("none"), "name of an object: the camera looks at its middle, not at `at`"),
+            row(
+                "atObject",
+                ValueKind::Text,
+                Auto("none"),
+                "name of an object: the camera looks at its middle, not at `at`",
+            ),
             row("fovy", ValueKind::Number(limits::FOVY), Value("40"), "vertical field of view, degrees"),
             row("near", ValueKind::Number(limits::LENGTH), Value("0.01"), "nearest visible depth, scene units"),
             row(
@@ -291,12 +296,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("eye", ValueKind::Vector(COORDINATE), Auto("that of `<camera>`"), "eye point"),
             row("at", ValueKind::Vector(COORDINATE), Auto("that of `<camera>`"), "point looked at"),
             row("up", ValueKind::Direction, Auto("that of `<camera>`"), "up direction, not along the view"),
-            row(
-                "fovy",
-                ValueKind::Number(limits::FOVY),
-                Auto("that of `<camera>`"),
-                "vertical field of view, degrees",
-            ),
+            row("fovy", ValueKind::Number(limits::FOVY), Auto("that of `<camera>`"), "vertical field of view, degrees"),
         ],
         children: &[],
     },

@@ -3,7 +3,8 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::pose::camera_from_world;
+use crate::anim::PathKey;
+use crate::scene::pose::{camera_from_world, fovy};
 use crate::scene::{Camera, Scene};
 
 /// A camera at rest, in the words of a scene file. Lengths are scene units, the field of view is in degrees.
@@ -24,8 +25,8 @@ impl CameraAt {
 
     /// The scene's camera at frame `frame`. A camera in motion looks at a point as deep as the middle of the objects.
     pub(super) fn of(scene: &Scene, frame: f64) -> Self {
-        let Camera { eye, at, up, fovy, .. } = scene.camera;
-        let fovy = fovy.to_degrees();
+        let Camera { eye, at, up, .. } = scene.camera;
+        let fovy = fovy(scene, frame).to_degrees();
         if scene.camera.rests() {
             return Self { eye: eye.into(), at: at.into(), up: up.into(), fovy };
         }
@@ -57,6 +58,12 @@ impl CameraAt {
 
     fn vectors(&self) -> [DVec3; 3] {
         [self.eye, self.at, self.up].map(DVec3::from)
+    }
+
+    /// This view as a key of a path.
+    pub(super) fn key(&self, frame: f64) -> PathKey {
+        let [eye, at, up] = self.vectors();
+        PathKey { frame, eye, at, up, fovy: self.fovy.to_radians() }
     }
 
     /// The scene's camera, put here and at rest.

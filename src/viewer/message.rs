@@ -35,6 +35,8 @@ pub(super) enum SavedKind {
     Png,
     Exr,
     Scene,
+    /// The keys that the page collected, for `--camera-path`.
+    Path,
 }
 
 /// To the page, as text.

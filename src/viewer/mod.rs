@@ -13,6 +13,7 @@ mod error;
 mod lights;
 mod message;
 mod pace;
+mod path;
 mod save;
 mod server;
 mod session;

@@ -30,7 +30,7 @@ pub(super) struct Finished {
 /// Names with these numbers are tried.
 const NUMBERS: std::ops::RangeInclusive<u32> = 1..=9999;
 
-/// Writes a picture or the scene; returns the path. The error is one line.
+/// Writes a picture, the scene or the camera path; returns the path. The error is one line.
 pub(super) fn save(
     shared: &Shared,
     known: &Known,
@@ -46,6 +46,10 @@ pub(super) fn save(
         told(&out, shared, || files::create_with(paths(&out, stem, extension), write))
     };
     let format = match what {
+        SavedKind::Path => {
+            let camera = look.flown(scene).ok_or_else(|| "the camera path has no keys yet".to_owned())?;
+            return create(&format!("{}.path", scene.name), "xml", scene_file::camera_path(&camera).as_bytes());
+        }
         SavedKind::Scene => {
             let mut changed = look.changed(scene);
             // The ground of a studio is in no file.

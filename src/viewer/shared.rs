@@ -39,6 +39,11 @@ impl Known {
     pub(super) const fn scene(&self) -> &Scene {
         &self.loaded.scene
     }
+
+    /// Is its camera that of a model alone, and not one of a file?
+    pub(super) fn rests_alone(&self) -> bool {
+        self.scene().camera.rests()
+    }
 }
 
 /// What there is to be seen.

@@ -4,12 +4,13 @@ use serde::Deserialize;
 
 use super::camera::CameraAt;
 use super::lights::LightsAt;
+use super::path::PathAt;
 use super::shared::Known;
 use crate::film::Aov;
 use crate::frame::all_rests;
 use crate::options::{self, BlurMode, ErrorTarget, Interleave, Prefilter, Quality, RenderOptions, Shading};
 use crate::renderer::Device;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, FrameRange, Scene};
 use crate::time::{FrameNumber, Readout, Shutter, Weight};
 
 /// Longest side of a picture, pixels.
@@ -32,6 +33,9 @@ pub(super) struct Asked {
     moving: bool,
     /// `None`: the scene's.
     camera: Option<CameraAt>,
+    /// What the camera flies along where it is `None`.
+    #[serde(default)]
+    path: Option<PathAt>,
     /// `None`: the scene's.
     lights: Option<LightsAt>,
     /// `None`: the scene's.
@@ -64,6 +68,7 @@ pub(super) struct PageLook {
     pub(super) size: [u32; 2],
     pub(super) frame: FrameNumber,
     camera: Option<CameraAt>,
+    path: Option<PathAt>,
     lights: Option<LightsAt>,
     shutter: Option<ShutterAt>,
     pub(super) device: Device,
@@ -117,6 +122,7 @@ impl Asked {
             return Err(format!("there is no frame {frame}; frames end at {LAST_FRAME}"));
         }
         let fault = self.camera.as_ref().and_then(CameraAt::fault);
+        let fault = fault.or_else(|| self.path.as_ref().and_then(PathAt::fault));
         if let Some(fault) = fault.or_else(|| self.lights.as_ref().and_then(LightsAt::fault)) {
             return Err(fault);
         }
@@ -124,6 +130,7 @@ impl Asked {
             size: [width, height],
             frame: FrameNumber::from(frame),
             camera: self.camera,
+            path: self.path,
             lights: self.lights,
             shutter: self.shutter.map(AskedShutter::check).transpose()?,
             device: device(&self.backend)?,
@@ -186,7 +193,7 @@ impl PageLook {
     pub(super) fn scene(&self, known: &Known, [width, height]: [u32; 2]) -> Scene {
         let mut scene = self.changed(known.scene());
         (scene.image.width, scene.image.height) = (width, height);
-        if known.of_model && self.camera.is_none() {
+        if known.of_model && known.rests_alone() && self.camera.is_none() && self.path.is_none() {
             let in_studio = known.loaded.studio.is_some();
             scene.camera = if in_studio { scene.studio_camera() } else { Camera::automatic(&scene) };
         }
@@ -196,8 +203,10 @@ impl PageLook {
     /// The scene with the changes of the page, for a file.
     pub(super) fn changed(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
-        if let Some(camera) = &self.camera {
-            camera.place(&mut scene.camera);
+        match (&self.camera, &self.path) {
+            (Some(camera), _) => camera.place(&mut scene.camera),
+            (None, Some(path)) => path.place(&mut scene),
+            (None, None) => {}
         }
         if let Some(lights) = &self.lights {
             lights.turn(&mut scene);
@@ -208,6 +217,19 @@ impl PageLook {
             scene.shutter = Shutter { open, close, weight, readout };
         }
         scene
+    }
+
+    /// The frames that are seen: those of the scene, or of the path that the page collected.
+    pub(super) fn frames(&self, scene: &Scene) -> FrameRange {
+        let rate = scene.frames.rate;
+        self.path.as_ref().map_or(scene.frames, |path| path.frames(rate))
+    }
+
+    /// The camera of the scene on the path that the page collected; `None`: there is none.
+    pub(super) fn flown(&self, scene: &Scene) -> Option<Camera> {
+        let mut scene = scene.clone();
+        self.path.as_ref()?.place(&mut scene);
+        Some(scene.camera)
     }
 
     /// The options of a finished picture, as `splatblur render` has them.

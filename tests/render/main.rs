@@ -4,6 +4,7 @@
 mod support;
 
 mod auto;
+mod camera_paths;
 mod captures;
 mod closed_forms;
 mod contact;

@@ -4,6 +4,7 @@
 mod support;
 
 mod anim;
+mod camera_paths;
 mod cameras;
 mod captures;
 mod coincident;

@@ -11,7 +11,7 @@ const RESTS: &str = "viewer.rests === viewer.serial && viewer.serial > 0";
 
 impl Browser {
     /// Waits until what is asked for is there.
-    fn rests(&mut self) {
+    pub(crate) fn rests(&mut self) {
         // One picture of the screen, in which a change is sent.
         self.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))");
         self.wait(RESTS);
@@ -231,7 +231,8 @@ fn every_control_has_a_key() {
     browser.open(&program.link);
     browser.rests();
     let mut reached = Vec::new();
-    let fields = ["m mode", "S split", "i frame", "r rate", "t open", "T close", "w weight", "d readout"];
+    let fields =
+        ["m mode", "S split", "i frame", "r rate", "t open", "T close", "w weight", "d readout", "h apart", "H ease"];
     for (key, id) in fields.map(|field| field.split_once(' ').unwrap()) {
         browser.key(key);
         assert_eq!(browser.text("document.activeElement.id"), id, "{key}");
@@ -239,8 +240,17 @@ fn every_control_has_a_key() {
         assert_eq!(browser.text("document.activeElement.tagName"), "BODY", "{key}");
         reached.push(id);
     }
-    let lists =
-        ["V movie-format", "k backend", "f prefilter", "g shading", "z size", "n direction", "a anchor", "b buffer"];
+    let lists = [
+        "V movie-format",
+        "k backend",
+        "f prefilter",
+        "g shading",
+        "z size",
+        "n direction",
+        "a anchor",
+        "b buffer",
+        "q speed",
+    ];
     for (key, id) in lists.map(|list| list.split_once(' ').unwrap()) {
         let choices = browser.number(&format!("document.getElementById('{id}').options.length")) as usize;
         let mut seen = std::collections::BTreeSet::new();
@@ -256,6 +266,7 @@ fn every_control_has_a_key() {
     // Those that `a_session` presses, or that say their own key.
     reached.extend(["shutter-reset", "copy", "reset", "save-png", "save-exr", "save-scene", "save-movie", "help-open"]);
     reached.extend(["lights-drag", "lights-reset", "to-first", "back", "play", "forward", "to-last", "time"]);
+    reached.extend(["key-add", "key-drop", "path-play", "save-path"]);
     reached.sort_unstable();
     let controls = browser.text(
         "[...document.querySelectorAll('header button, aside :is(input, select, button), footer :is(input, button)')]\

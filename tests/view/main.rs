@@ -8,6 +8,7 @@ mod files;
 mod hostile;
 mod measure;
 mod movies;
+mod paths;
 mod pictures;
 #[path = "../support/saved.rs"]
 mod saved;

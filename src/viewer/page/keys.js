@@ -7,6 +7,9 @@ const rows = ({ act, edit, next, zoom, split, toggleSplit }) => [
   ["Shift-drag, Shift-arrow", "pan", {}],
   ["wheel, + and -", "zoom", { "+": () => zoom(0.9), "=": () => zoom(0.9), "-": () => zoom(1 / 0.9) }],
   ["0, c", "the scene's camera; copy the camera", { 0: act.reset, c: act.copy }],
+  ["j, J", "the view as a key of the camera path; drop the last key", { j: act["key-add"], J: act["key-drop"] }],
+  ["y, Y", "fly along the path, or stop; save it", { y: act["path-play"], Y: act["save-path"] }],
+  ["h, H, q", "edit frames between keys, frames of easing; next speed", { h: edit("apart"), H: edit("ease"), q: next("speed") }],
   ["Ctrl-drag", "turn the lights", {}],
   ["l, L", "drags and arrow keys turn lights, or the camera again; the scene's lights", {
     l: act["lights-drag"], L: act["lights-reset"],

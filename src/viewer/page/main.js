@@ -10,7 +10,7 @@ const view = new View($("stage"), $("picture"), $("slider"));
 
 // What is seen. `null`: the scene's own.
 const state = {
-  frame: 0, camera: null, lights: null, shutter: null, mode: "auto:good", split: null, buffer: "colour",
+  frame: 0, camera: null, path: null, lights: null, shutter: null, mode: "auto:good", split: null, buffer: "colour",
   backend: "auto", prefilter: null, shading: "phong", size: "window",
 };
 let scene = null;
@@ -117,10 +117,11 @@ function begin(fresh) {
   $("about").textContent = `${scene.objects} objects, ${count} surfels, ${scene.width} x ${scene.height}, ${scene.program}`;
   $("about").title = scene.notes.join("\n");
   $("grammar").textContent = scene.modes;
-  [$("time").min, $("time").max] = [scene.first, scene.last];
-  const inside = state.frame >= scene.first && state.frame <= scene.last;
+  const { first, last: end } = range();
+  [$("time").min, $("time").max] = [first, end];
+  const inside = state.frame >= first && state.frame <= end;
   if (isFirst) $("rate").value = scene.rate;
-  change({ frame: isFirst || !inside ? scene.first : state.frame });
+  change({ frame: isFirst || !inside ? first : state.frame });
 }
 
 async function picture(data) {
@@ -183,9 +184,16 @@ function alert(text, ends = -1) {
 
 // ---- time
 
+// The frames that are seen: those of the path, else of the scene.
+function range() {
+  const keys = state.path?.keys;
+  return keys ? { first: keys[0].frame, last: keys.at(-1).frame } : { first: scene?.first, last: scene?.last };
+}
+
 function step(frame) {
   if (!scene) return;
-  const bounded = Math.min(scene.last, Math.max(scene.first, frame));
+  const { first, last: end } = range();
+  const bounded = Math.min(end, Math.max(first, frame));
   change({ frame: bounded });
 }
 
@@ -198,9 +206,10 @@ function play() {
 function advance() {
   // The picture before is still on its way.
   if (!scene || shown < playing.waits) return;
-  const count = scene.last - scene.first + 1;
+  const { first, last: end } = range();
+  const count = end - first + 1;
   const passed = Math.floor((performance.now() - playing.begin) / 1000 * (Number($("rate").value) || scene.rate));
-  const frame = scene.first + ((Math.floor(playing.frame) - scene.first + passed) % count + count) % count;
+  const frame = first + ((Math.floor(playing.frame) - first + passed) % count + count) % count;
   if (frame === state.frame) return;
   change({ frame });
   playing.waits = serial + 1;
@@ -212,6 +221,35 @@ const camera = () => state.camera ?? last?.camera;
 function turn(by, isMoving = true) {
   const from = camera();
   if (from) change({ camera: by(from) }, isMoving);
+}
+
+// ---- camera path
+
+function setKeys(keys, changes = {}) {
+  const path = keys.length ? { keys, constant: $("speed").value === "constant", ease: Math.max(0, Number($("ease").value) || 0) } : null;
+  state.path = path;
+  const { first, last: end } = range();
+  [$("time").min, $("time").max] = [first, end];
+  $("path-keys").textContent = path ? `${keys.length} keys, frames ${first} to ${end}` : "no keys";
+  change({ frame: Math.min(end, Math.max(first, state.frame)), ...changes });
+}
+// A key stands at the frame that is seen where the path ends before it, else some frames after its last one.
+function addKey() {
+  const view = camera();
+  if (!scene || !view) return;
+  const keys = state.path?.keys ?? [];
+  const apart = Math.max(1, Math.round(Number($("apart").value)) || 1);
+  const frame = !keys.length ? Math.round(state.frame) : Math.max(Math.round(state.frame), keys.at(-1).frame + apart);
+  // The view stays, so that the next one goes on from it.
+  setKeys([...keys, { frame, camera: view }], { camera: view });
+}
+const dropKey = () => setKeys((state.path?.keys ?? []).slice(0, -1));
+const retime = () => setKeys(state.path?.keys ?? []);
+function fly() {
+  if (!state.path) return say("the camera path has no keys yet");
+  if (playing) return play();
+  change({ camera: null, frame: range().first });
+  play();
 }
 
 // ---- lights
@@ -302,6 +340,8 @@ function fill() {
   $("time").value = state.frame;
 }
 
+for (const id of ["ease", "speed"]) $(id).addEventListener("change", retime);
+
 async function copy() {
   $("line").select();
   // Pages beyond the loopback address have no clipboard.
@@ -320,8 +360,9 @@ const next = (id, by = 1) => () => {
   list.dispatchEvent(new Event("change"));
 };
 const ACTIONS = {
-  "to-first": () => step(scene?.first), back: () => step(state.frame - 1), play, forward: () => step(state.frame + 1),
-  "to-last": () => step(scene?.last), copy, reset: () => change({ camera: null }),
+  "to-first": () => step(range().first), back: () => step(state.frame - 1), play, forward: () => step(state.frame + 1),
+  "to-last": () => step(range().last), copy, reset: () => change({ camera: null }),
+  "key-add": addKey, "key-drop": dropKey, "path-play": fly, "save-path": () => save("path"),
   "lights-drag": dragLights, "lights-reset": () => change({ lights: null }),
   "shutter-reset": () => change({ shutter: null }),
   "save-png": () => save("png"), "save-exr": () => save("exr"), "save-scene": () => save("scene"),

@@ -48,13 +48,13 @@ impl Filming {
         let shape = MovieShape { width, height, rate: Rate::of(scene.frames.rate), bits: Bits::Sixteen };
         // The name is found at the end; the disk is that of its folder.
         let movie = Movie::begin(&out.join(&scene.name), kind, shape).map_err(|why| chain(&why))?;
-        let (look, quality, next) = (view.look.clone(), view.quality, scene.frames.first);
+        let (look, quality, next) = (view.look.clone(), view.quality, view.look.frames(scene).first);
         Ok(Self { known: Arc::clone(known), look, quality, out, kind, movie, next })
     }
 
     /// Frames that are there, and all.
     pub(super) fn progress(&self) -> (u64, u64) {
-        let frames = self.known.scene().frames;
+        let frames = self.look.frames(self.known.scene());
         (self.next.abs_diff(frames.first), frames.last.abs_diff(frames.first) + 1)
     }
 
