@@ -301,7 +301,7 @@ impl Curve {
         let mut s = if part > 0.0 { low + (high - low) * (rest / part).clamp(0.0, 1.0) } else { low };
         for _ in 0..60 {
             let over = self.length(i, start, s) - rest;
-            if over.abs() <= 1e-13 * lengths[lengths.len() - 1] || high - low < f64::EPSILON {
+            if over.abs() <= 1e-13 * lengths[lengths.len() - 1] || (high - low).abs() < f64::EPSILON {
                 break;
             }
             if over < 0.0 {

@@ -145,7 +145,7 @@ fn load_scene(path: &Path, options: &SceneLoadOptions<'_>) -> Result<(Scene, Vec
         (document.image.width, document.image.height, document.size_given) = (width, height, true);
     }
     let flown = flown(options)?;
-    resolve::resolve(&source, document, options, notes, flown)
+    resolve::resolve(&source, document, options, notes, flown.as_ref())
 }
 
 /// Reads the file of the camera that takes the place of the scene's.

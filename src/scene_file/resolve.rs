@@ -31,11 +31,11 @@ pub(super) fn resolve(
     document: Document,
     options: &SceneLoadOptions<'_>,
     notes: Vec<String>,
-    flown: Option<Flown>,
+    flown: Option<&Flown>,
 ) -> Result<(Scene, Vec<String>), SceneError> {
     let finder = Finder::new(source, options.restrict)?;
     // A camera of a file of its own takes the place of the scene's.
-    let (camera_source, spec) = match &flown {
+    let (camera_source, spec) = match flown {
         Some(Flown { source, spec }) => (source, Some(spec)),
         None => (source, document.camera.as_ref()),
     };

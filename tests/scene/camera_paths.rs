@@ -38,8 +38,11 @@ fn refusal(camera: &str) -> String {
     }
 }
 
-/// Keys of a flight with uneven frames: frame, eye, at, up, degrees.
-const KEYS: [(f64, [f64; 3], [f64; 3], [f64; 3], f64); 5] = [
+/// Frame, eye, at, up, degrees.
+type Key = (f64, [f64; 3], [f64; 3], [f64; 3], f64);
+
+/// Keys of a flight with uneven frames.
+const KEYS: [Key; 5] = [
     (-3.0, [4.0, 1.0, 6.0], [0.0, 0.5, 0.0], [0.0, 1.0, 0.0], 40.0),
     (10.0, [1.0, 2.5, 5.0], [0.2, 0.5, 0.0], [0.1, 1.0, 0.0], 25.0),
     (17.5, [-2.0, 2.0, 4.0], [0.0, 0.0, -1.0], [0.0, 2.0, 0.3], 60.0),
@@ -110,7 +113,8 @@ fn even_keys_give_the_curve_of_catmull_and_rom() {
     // Found: 9e-16.
     assert!(eye(&scene, 15.0).distance((9.0 * (b + c) - a - d) / 16.0) < 1e-12);
     let slope = (eye(&scene, 10.001) - eye(&scene, 9.999)) / 0.002;
-    assert!(slope.distance((c - a) / 20.0) < 1e-6, "{slope}");
+    // Found: 4e-6, of the difference.
+    assert!(slope.distance((c - a) / 20.0) < 1e-5, "{slope}");
     let start = (eye(&scene, 1e-5) - a) / 1e-5;
     assert!(start.distance((b - a) / 10.0) < 1e-4, "{start}");
 }
