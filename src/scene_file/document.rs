@@ -63,6 +63,17 @@ pub(super) struct CameraSpec {
     pub(super) flight: Option<Flight>,
 }
 
+impl CameraSpec {
+    /// What the camera says, and its first key.
+    pub(super) fn completed(&self) -> GivenCamera {
+        let mut given = self.given;
+        if let Some(flight) = &self.flight {
+            flight.complete(&mut given, self.says_fovy);
+        }
+        given
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct AnimationSpec {
     pub(super) file: FileRef,

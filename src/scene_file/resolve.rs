@@ -228,17 +228,6 @@ impl Flown {
     }
 }
 
-impl CameraSpec {
-    /// What the camera says, and its first key.
-    fn completed(&self) -> GivenCamera {
-        let mut given = self.given;
-        if let Some(flight) = &self.flight {
-            flight.complete(&mut given, self.says_fovy);
-        }
-        given
-    }
-}
-
 fn camera(
     source: &Source,
     scene: &Scene,
