@@ -4,7 +4,6 @@
 mod support;
 
 mod auto;
-mod camera_paths;
 mod captures;
 mod closed_forms;
 mod contact;

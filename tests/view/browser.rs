@@ -11,7 +11,7 @@ const RESTS: &str = "viewer.rests === viewer.serial && viewer.serial > 0";
 
 impl Browser {
     /// Waits until what is asked for is there.
-    pub(crate) fn rests(&mut self) {
+    fn rests(&mut self) {
         // One picture of the screen, in which a change is sent.
         self.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))");
         self.wait(RESTS);

@@ -5,8 +5,7 @@ use std::process::{Command, Stdio};
 use serde_json::{Value, json};
 use splatblur::Picture;
 
-use crate::devtools::browser_or_skip;
-use crate::support::{Program, Visit, scene};
+use crate::support::Visit;
 
 fn key(frame: i32, eye: [f64; 3], fovy: f64) -> Value {
     json!({ "frame": frame, "camera": { "eye": eye, "at": [0.5, 0.0, 0.0], "up": [0.0, 1.0, 0.0], "fovy": fovy } })
@@ -23,7 +22,8 @@ fn a_saved_path_is_the_one_that_was_seen() {
     assert!(seen != plain);
     assert!(header["camera"]["fovy"].as_f64().is_some_and(|fovy| fovy > 28.0 && fovy < 40.0), "{header}");
     // A camera of the page's own goes before.
-    let own = visit.shown(json!({ "path": path, "camera": key(0, [0.0, 0.0, 8.0], 40.0)["camera"] })).1;
+    let camera = json!({ "eye": [0.0, 0.0, 8.0], "at": [0.0, 0.0, 0.0], "up": [0.0, 1.0, 0.0], "fovy": 40.0 });
+    let own = visit.shown(json!({ "path": path, "camera": camera })).1;
     assert!(own == plain);
     visit.shown(json!({ "path": path, "frame": 5 }));
     let saved = visit.save("path");
@@ -59,51 +59,4 @@ fn what_is_no_path_is_refused() {
     visit.shown(json!({}));
     visit.page.say(&json!({ "type": "save", "what": "path" }));
     assert!(visit.page.text("refused")["message"].as_str().unwrap().contains("no keys yet"));
-}
-
-/// Three views of a person become keys, are flown through, and saved.
-#[test]
-#[ignore = "deep: a browser"]
-fn views_become_a_path() {
-    let Some(mut browser) = browser_or_skip("views_become_a_path") else { return };
-    let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("saved");
-    let program = Program::start(&scene(dir.path()), &["--out", out.to_str().unwrap()]);
-    browser.size(1280, 720, 1.0);
-    browser.open(&program.link);
-    browser.write("mode", "supersample:2");
-    browser.write("apart", "10");
-    browser.rests();
-    let keys = |browser: &mut crate::devtools::Browser| {
-        browser.text("document.getElementById('path-keys').textContent").trim().to_owned()
-    };
-    assert_eq!(keys(&mut browser), "no keys");
-    for step in 0..3 {
-        if step > 0 {
-            browser.value(
-                "for (let i = 0; i < 8; i++) dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight' }))",
-            );
-        }
-        browser.rests();
-        browser.key("j");
-        browser.rests();
-    }
-    assert_eq!(keys(&mut browser), "3 keys, frames 0 to 20");
-    browser.key("j");
-    browser.key("J");
-    assert_eq!(keys(&mut browser), "3 keys, frames 0 to 20");
-    browser.write("speed", "constant");
-    browser.write("ease", "5");
-    // It flies: frames pass, and the eye with them.
-    browser.key("y");
-    browser.wait("viewer.state.camera === null && viewer.state.frame > 5 && viewer.last.camera.eye[0] !== 0");
-    browser.key("y");
-    browser.rests();
-    assert_eq!(browser.number("Number(document.getElementById('time').max)"), 20.0);
-    browser.key("Y");
-    browser.wait("document.getElementById('saved').textContent.endsWith('flight.path.view-1.xml')");
-    let text = std::fs::read_to_string(out.join("flight.path.view-1.xml")).unwrap();
-    assert_eq!(text.matches("<key ").count(), 3, "{text}");
-    assert!(text.contains("speed=\"constant\" easeIn=\"5\" easeOut=\"5\""), "{text}");
-    assert_eq!(browser.complaints, [""; 0]);
 }
