@@ -227,7 +227,17 @@ impl<'a> Bvh<'a> {
     /// A hierarchy of nothing.
     fn empty() -> Self {
         let (nodes, leaves, rates, drifts) = Default::default();
-        Self { nodes, leaves, rates, drifts, span: [0.0; 2], centre: DVec3::ZERO, radius: 0.0, surface: None, spheres: false }
+        Self {
+            nodes,
+            leaves,
+            rates,
+            drifts,
+            span: [0.0; 2],
+            centre: DVec3::ZERO,
+            radius: 0.0,
+            surface: None,
+            spheres: false,
+        }
     }
 
     /// Memory of nodes and leaves, bytes.

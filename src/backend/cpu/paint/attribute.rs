@@ -111,8 +111,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
     buffers: &mut PaintBuffers,
     sample_coverage: &mut [f32],
 ) {
-    let sight = filter.sight;
-    let channels = filter.attributes.channels.count;
+    let (sight, channels) = (filter.sight, filter.attributes.channels.count);
     let row = buffers.row;
     let ball = if CROSSING { Ball::of(splat.disc(), values, filter) } else { None };
     let mut y = touched.y0;
@@ -136,13 +135,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
             let mut weights = [0.0_f32; LANES];
             let mut depths = [0.0_f32; LANES];
             let mut discs = [0.0_f32; LANES];
-            let (mut floor, mut ceiling) = ([0.0; LANES], [f32::INFINITY; LANES]);
-            if PEELS {
-                floor = patch::load::<W>(&buffers.floor[apron_at..], APRON_STRIDE);
-                if !filter.ceiling.is_empty() {
-                    ceiling = patch::load::<W>(&filter.ceiling[y * STRIDE + x..], STRIDE);
-                }
-            }
+            let (floor, ceiling) = peeled::<W, PEELS>(buffers, filter, apron_at, y * STRIDE + x);
             let in_layer =
                 |depth: f32, l: usize| !PEELS || (depth > floor[l]) & (depth <= first[l]) & (depth <= ceiling[l]);
             let has_coverage = !sample_coverage.is_empty();
@@ -176,10 +169,7 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
                 }
             }
             if has_coverage {
-                // A hidden splat covers the pixel, too: what hides it covers it.
-                let mut covered = [0.0; LANES];
-                (0..LANES).for_each(|l| covered[l] = if discs[l] > 0.0 { 1.0 } else { weights[l] });
-                add_patch::<W>(&mut sample_coverage[y * STRIDE + x..], STRIDE, &covered, 1.0);
+                cover::<W>(&mut sample_coverage[y * STRIDE + x..], &weights, &discs);
                 (0..LANES).for_each(|l| weights[l] *= filter.attributes.share);
             }
             if open == 0 {
@@ -223,6 +213,33 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: boo
         }
         y += LANES / W;
     }
+}
+
+/// The depths between which a layer is peeled off, of the patch that begins at these places of planes with an apron and
+/// without one.
+#[inline(always)]
+fn peeled<const W: usize, const PEELS: bool>(
+    buffers: &PaintBuffers,
+    filter: &Filter<'_>,
+    apron_at: usize,
+    at: usize,
+) -> (Lanes, Lanes) {
+    let (mut floor, mut ceiling) = ([0.0; LANES], [f32::INFINITY; LANES]);
+    if PEELS {
+        floor = patch::load::<W>(&buffers.floor[apron_at..], APRON_STRIDE);
+        if !filter.ceiling.is_empty() {
+            ceiling = patch::load::<W>(&filter.ceiling[at..], STRIDE);
+        }
+    }
+    (floor, ceiling)
+}
+
+/// Adds to the coverage by a sample. A hidden splat covers a pixel, too: what hides it covers it.
+#[inline(always)]
+fn cover<const W: usize>(coverage: &mut [f32], weights: &Lanes, discs: &Lanes) {
+    let mut covered = [0.0; LANES];
+    (0..LANES).for_each(|l| covered[l] = if discs[l] > 0.0 { 1.0 } else { weights[l] });
+    add_patch::<W>(coverage, STRIDE, &covered, 1.0);
 }
 
 /// A sphere, as its normals are told from its disc.
