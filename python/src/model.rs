@@ -228,7 +228,9 @@ impl Object {
             Some("surfels") => Some(Kind::Surfels),
             Some("spheres") => Some(Kind::Spheres),
             Some("gaussians") => Some(Kind::Gaussians),
-            Some(other) => return Err(invalid(py, "kind", &format!("`{other}`"), "surfels, spheres, gaussians or None")),
+            Some(other) => {
+                return Err(invalid(py, "kind", &format!("`{other}`"), "surfels, spheres, gaussians or None"));
+            }
         };
         let options = LoadOptions { kind, ..LoadOptions::default() };
         let (from, with) = (path.clone(), options.clone());

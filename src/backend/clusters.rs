@@ -70,7 +70,7 @@ pub(super) struct Cluster {
 }
 
 impl Cluster {
-    /// Those of `surfels` in a range, with these centres.
+    /// The cluster of `surfels` in a range, with these centres.
     pub(super) fn of(surfels: &Surfels, range: Range<usize>, position: impl IntoIterator<Item = Vec3>) -> Self {
         let (u, v) = (&surfels.axis_u[range.clone()], &surfels.axis_v[range]);
         let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];

@@ -35,9 +35,9 @@ pub(super) const LEAF: u32 = 1 << 31;
 ///
 /// The terms, in units of 2^-24 times the radius R: a ray's origin is moved to the model's sphere, |o| <= R about its
 /// centre, and rounded (1); its direction is rounded over a path of 2 R (2); (b - o) is rounded (2); the reciprocal of
-/// the direction and the product round twice each over 2 R (8). The sum is 13. The distance of the centre from the origin
-/// adds another 1 + 2: models are recentred, so it is at most R. A side that moves adds 1 for itself, 2 each for its
-/// drift, the time and their product, and 1 for the sum. All are 24; 32 leaves room to spare.
+/// the direction and the product round twice each over 2 R (8). The sum is 13. The distance of the centre from the
+/// origin adds another 1 + 2: models are recentred, so it is at most R. A side that moves adds 1 for itself, 2 each for
+/// its drift, the time and their product, and 1 for the sum. All are 24; 32 leaves room to spare.
 const PADDING: f64 = 32.0 / (1_u32 << 24) as f64;
 
 /// The sides of eight boxes: low ones, then high ones; x, y, z; one value for each box.

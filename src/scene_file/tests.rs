@@ -11,8 +11,13 @@ use super::{SceneLoadOptions, load};
 use crate::anim::TrackFormat;
 
 /// Attributes that are text and name no path.
-const NO_PATHS: [(&str, &str); 4] =
-    [("object", "name"), ("pointModel", "node"), ("pointModel", "classes"), ("animation", "node")];
+const NO_PATHS: [(&str, &str); 5] = [
+    ("camera", "atObject"),
+    ("object", "name"),
+    ("pointModel", "node"),
+    ("pointModel", "classes"),
+    ("animation", "node"),
+];
 
 /// Scenes whose element, or attribute, names `pipe`, or `pipe.1` and `pipe.2` of a sequence.
 fn scenes(element: &str, attribute: Option<&str>) -> Vec<String> {

@@ -13,6 +13,7 @@ mod environment;
 mod ewa;
 mod ewa_in_motion;
 mod exposure;
+mod flights;
 mod gpu;
 mod hostile_values;
 mod image_files;

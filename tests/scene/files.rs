@@ -617,7 +617,7 @@ fn the_unknown_is_refused_with_what_is_known() {
     );
     refused(
         scene("<camera\n  fov='40'/>", ""),
-        "scene.xml:3:3: <camera> has no attribute `fov`, did you mean `fovy`? (it takes: eye, at, up, fovy, near)",
+        "scene.xml:3:3: <camera> has no attribute `fov`, did you mean `fovy`? (it takes: eye, at, up, atObject, fovy, near, speed, easeIn, easeOut)",
     );
     refused("<scene version='1'/>", "scene.xml:1:8: <scene> has no attribute `version` (it takes: none)");
     refused("<szene/>", "scene.xml:1:1: the root element `szene`, expected <scene>");
@@ -783,7 +783,7 @@ fn values_are_checked() {
     for kind in ["gaussians", "volume"] {
         refused(
             format!("<scene><object><pointModel sequence='%d.ply' first='1' last='2' kind='{kind}'/></object></scene>"),
-            &format!("scene.xml:1:65: `kind` is `{kind}`, expected surfels: a sequence shows nothing else"),
+            &format!("scene.xml:1:65: `kind` is `{kind}`, expected surfels or spheres: a sequence shows nothing else"),
         );
     }
 }
@@ -823,7 +823,7 @@ fn xml_is_checked() {
     );
     refused(
         "<scene><camera color='1'/></scene>",
-        "scene.xml:1:16: <camera> has no attribute `color` (it takes: eye, at, up, fovy, near)",
+        "scene.xml:1:16: <camera> has no attribute `color` (it takes: eye, at, up, atObject, fovy, near, speed, easeIn, easeOut)",
     );
     refused(
         "<scene><image width=1/></scene>",
@@ -1068,14 +1068,18 @@ fn an_ideal_sphere_takes_the_place_of_a_model() {
     let object = &scene.objects[0];
     let Shape::Sphere { sphere, .. } = object.shape else { panic!("no sphere") };
     assert_eq!((sphere.radius, sphere.colour.to_array()), (2.5, [0.1, 0.2, 0.3]));
-    assert_eq!(object.shape.elements(), 0);
+    assert_eq!(object.shape.elements(), 1);
     assert_eq!(object.shape.bounds().size(), DVec3::splat(5.0));
     let again = loaded(to_xml(&scene, Path::new(""))).scene;
     let Shape::Sphere { sphere: same, .. } = again.objects[0].shape else { panic!("no sphere") };
     assert_eq!(same, sphere);
     assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));
     let mut cpu = splatblur::backend::cpu::Cpu::default();
-    let error = splatblur::renderer::render_frame(&mut cpu, &scene, 0, &splatblur::options::RenderOptions::default())
-        .unwrap_err();
-    assert_eq!(error.to_string(), "object `object1` is an ideal sphere, which only the reference can show");
+    let mode: splatblur::options::BlurMode = "volumetric:2".parse().unwrap();
+    let options = splatblur::options::RenderOptions { quality: mode.into(), ..Default::default() };
+    let error = splatblur::renderer::render_frame(&mut cpu, &scene, 0, &options).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "object `object1` has spheres, which mode `volumetric` cannot show: take `supersample`, `bucket` or `auto`"
+    );
 }

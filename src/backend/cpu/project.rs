@@ -299,7 +299,7 @@ struct PosedLanes {
     centre: [Lanes; 3],
     u: [Lanes; 3],
     v: [Lanes; 3],
-    /// Of spheres: radius over distance. Else 0.
+    /// Radius over distance, of spheres; else 0.
     sine: Lanes,
 }
 
