@@ -43,7 +43,7 @@ impl Splat {
         self.centre_depth < 0.0
     }
 
-    /// Of a sphere its radius over the distance of its centre; else 0.
+    /// The radius of a sphere over the distance of its centre; 0 of a disc.
     #[inline(always)]
     pub fn sine(&self) -> f32 {
         if self.centre_depth < 0.0 { -self.centre_depth } else { 0.0 }

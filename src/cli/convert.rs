@@ -59,7 +59,7 @@ pub(super) struct Convert {
     /// Cloud of points: radius of all, model units, in place of those of the file and of estimates.
     #[arg(long, value_name = "R", allow_hyphen_values = true, value_parser = values::radius)]
     radius: Option<f64>,
-    /// What is written: surfels, or spheres (.bin), which need no normals [default: surfels].
+    /// Surfels, or spheres in a .bin file, which need no normals [default: surfels].
     #[arg(long, value_name = "KIND", value_parser = values::point_kind())]
     kind: Option<model::Kind>,
     /// Replace OUT if it exists.

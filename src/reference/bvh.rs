@@ -115,7 +115,7 @@ struct Elements<'a> {
     v: &'a [Vec3],
     /// `None`: they are counted.
     number: Option<&'a [u32]>,
-    /// Those of the columns that the boxes are of; `None`: all.
+    /// The rows of the columns that the boxes are of; `None`: all.
     members: Option<&'a [u32]>,
 }
 

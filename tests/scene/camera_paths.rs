@@ -84,6 +84,7 @@ fn the_path_goes_through_its_keys_at_their_frames() {
     assert_eq!((scene.frames.first, scene.frames.last), (-3, 41));
     for (frame, from, at, up, degrees) in KEYS {
         let view = camera_from_world(&scene, frame);
+        // Found: 1.8e-15.
         near("keys", eye(&scene, frame).distance(from.into()), 1e-6);
         let ahead = view.transform_point3(at.into());
         let distance = DVec3::from(at).distance(from.into());
@@ -101,6 +102,7 @@ fn the_path_goes_through_its_keys_at_their_frames() {
     let turn = |frame: f64| camera_from_world(&scene, frame + 0.05) * camera_from_world(&scene, frame).inverse();
     for i in 0..880 {
         let z = turn(-3.0 + f64::from(i) * 0.05).transform_vector3(DVec3::Z);
+        // Found: 2.7e-5.
         near("turn of a step", 1.0 - z.z, 1e-3);
     }
 }
@@ -114,8 +116,10 @@ fn even_keys_give_the_curve_of_catmull_and_rom() {
     let keys: String = points.iter().enumerate().map(key).collect();
     let scene = scene(&format!("<camera at=\"0 0 -40\">{keys}</camera>"));
     let [a, b, c, d] = points;
+    // Found: 9.9e-16.
     near("middle", eye(&scene, 15.0).distance((9.0 * (b + c) - a - d) / 16.0), 1e-12);
     let slope = (eye(&scene, 10.001) - eye(&scene, 9.999)) / 0.002;
+    // Found: 6.7e-6, of the difference.
     near("slope", slope.distance((c - a) / 20.0), 1e-5);
     let start = (eye(&scene, 1e-5) - a) / 1e-5;
     assert!(start.distance((b - a) / 10.0) < 1e-4, "{start}");
@@ -128,6 +132,7 @@ fn the_speed_is_constant_on_request() {
     for i in 1..1000 {
         let frame = -3.0 + 44.0 * f64::from(i) / 1000.0;
         let speed = length(&scene, frame - 0.005, frame + 0.005, 4) / 0.01;
+        // Found: 2.8e-6, of the chords.
         near("speed", (speed / mean - 1.0).abs(), 1e-3);
     }
     let [first, .., last] = KEYS;
@@ -150,6 +155,7 @@ fn easing_starts_and_ends_at_rest() {
     for (frame, wanted) in
         [(4.0, 0.0), (12.0, 4.0 * speed), (20.0, 12.0 * speed), (28.0, 10.0 - 8.0 * speed), (44.0, 10.0)]
     {
+        // Found: 1.8e-15.
         near("easing", (x(frame) - wanted).abs(), 1e-9);
     }
     // In the middle of the rise it has half the speed, and covers 3/32 of what the full speed does in those 8 frames.
@@ -166,6 +172,7 @@ fn the_field_of_view_runs_evenly_in_the_focal_length() {
     for share in [0.0, 0.25, 0.5, 0.8, 1.0] {
         let wanted = focal(90.0).powf(1.0 - share) * focal(10.0).powf(share);
         let found = 1.0 / (0.5 * fovy(&scene, 20.0 * share)).tan();
+        // Found: 4.4e-16.
         near("focal length", (found / wanted - 1.0).abs(), 1e-12);
     }
 }
@@ -179,6 +186,7 @@ fn a_camera_follows_an_object() {
             let frame = f64::from(i) * 0.25;
             let ball = object_pose(&scene, &scene.objects[1], frame).world_from_model.w_axis.truncate();
             let seen = camera_from_world(&scene, frame).transform_point3(ball);
+            // Found: 1.3e-15.
             near("followed", seen.truncate().length(), 1e-9);
             assert!(seen.z < -1.0, "{frame}: {seen}");
         }

@@ -17,8 +17,8 @@ fn vector(i: u64, k: u64) -> DVec3 {
     DVec3::new(random(i, k), random(i, k + 1), random(i, k + 2)) * 2.0 - 1.0
 }
 
-/// A model, and the column of its paths that surfels have none of. Every other size moves by itself; of 60 and 2000 each
-/// surfel, of others those at one side, far.
+/// A model, and the column of its paths that surfels have none of. Every other size moves by itself; of 60 and 2000
+/// each surfel, of others those at one side, far.
 fn cloud(n: u64) -> (Surfels, Vec<Vec3>) {
     let mut surfels = Surfels::default();
     for i in 0..n {
@@ -155,9 +155,12 @@ proptest! {
         from in -3.0_f64..3.0,
         length in prop::sample::select(vec![0.0, 1e-3, 1.0, 50.0]),
         shares in prop::collection::vec(0.0_f64..=1.0, 4),
+        spheres in any::<bool>(),
     ) {
         let mut model = cloud(2 * n);
-        for (column, by) in [(&mut model.0.velocity, speed), (&mut model.0.acceleration, speed * bend), (&mut model.1, bend)] {
+        model.0.spheres = spheres;
+        let (velocity, acceleration) = (&mut model.0.velocity, &mut model.0.acceleration);
+        for (column, by) in [(velocity, speed), (acceleration, speed * bend), (&mut model.1, bend)] {
             for (i, rate) in column.iter_mut().enumerate() {
                 *rate = (vector(seed ^ i as u64, 60) * by).as_vec3();
             }
@@ -179,7 +182,7 @@ proptest! {
                         let [a, b, d] = [model.0.velocity[surfel], model.0.acceleration[surfel], model.1[surfel]]
                             .map(Vec3::as_dvec3);
                         let c = c + time * (a + time / 2.0 * (b + time / 3.0 * d));
-                        let half = (u * u + v * v).map(f64::sqrt);
+                        let half = if spheres { DVec3::splat(u.length()) } else { (u * u + v * v).map(f64::sqrt) };
                         assert!(low.cmple(c - half).all() && high.cmpge(c + half).all(), "{surfel} at {time}");
                         seen[surfel] += 1;
                     });
