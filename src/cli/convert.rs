@@ -122,7 +122,8 @@ impl Convert {
         if self.quiet {
             return Ok(());
         }
-        print(&format!("{} surfels: {}\n", surfels.len(), self.output.display()))
+        let what = if surfels.spheres { "spheres" } else { "surfels" };
+        print(&format!("{} {what}: {}\n", surfels.len(), self.output.display()))
     }
 }
 

@@ -154,6 +154,12 @@ pub enum ModelError {
         /// The file.
         path: PathBuf,
     },
+    /// The file was to be drawn as surfels and holds spheres.
+    #[error("model {} holds spheres, which are no surfels (kind `surfels`)", path.display())]
+    AreSpheres {
+        /// The file.
+        path: PathBuf,
+    },
     /// The mesh has no triangle that could be sampled.
     #[error(
         "model {} has {triangles} triangles and none has an area (spacing `none` takes its vertices as points)",

@@ -163,7 +163,9 @@ pub(crate) enum ReadFile {
 pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -> Result<ReadFile, ModelError> {
     let ready = |loaded| ReadFile::Ready(Box::new(loaded));
     let (content, size) = match files::steady(|| contents(path, options, progress))? {
-        Contents::Mesh(mesh) if options.mesh.spacing != Spacing::None => return Ok(ReadFile::Mesh(mesh)),
+        Contents::Mesh(mesh) if options.mesh.spacing != Spacing::None && options.kind != Some(Kind::Spheres) => {
+            return Ok(ReadFile::Mesh(mesh));
+        }
         Contents::Mesh(mesh) => return vertices(mesh, options, path, progress).map(ready),
         Contents::Other(content, size) => (*content, size),
     };
@@ -194,7 +196,6 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
             return Ok(ready(loaded));
         }
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
-        (ModelContent::Mesh(cloud, _), Some(Kind::Spheres)) => Parsed::Cloud(tidy::tidy(cloud)),
         (ModelContent::Mesh(cloud, triangles), _) => {
             return Ok(ReadFile::Mesh(mesh::of_cloud(cloud, triangles, options.colour_space)));
         }
@@ -206,7 +207,7 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
         Parsed::Surfels(surfels) if surfels.spheres && options.kind == Some(Kind::Surfels) => {
-            Err(ModelError::NoSurfels { path: owned() })
+            Err(ModelError::AreSpheres { path: owned() })
         }
         Parsed::Surfels(surfels) => {
             let shape = LoadedShape::Surfels(adjust(surfels, options), None);
@@ -274,11 +275,16 @@ fn contents_of(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -
         return Err(no_nodes());
     }
     let sampled = options.mesh.spacing != Spacing::None;
-    if matches!(options.kind, None | Some(Kind::Surfels))
+    if matches!(options.kind, None | Some(Kind::Surfels | Kind::Spheres))
         && (sampled || format != ModelFormat::Obj)
         && let Some(mesh) = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?
     {
-        scan::refuse(&options.points).map_err(invalid)?;
+        let mut points = options.points.clone();
+        // Vertices that are drawn as spheres may have a radius.
+        if options.kind == Some(Kind::Spheres) {
+            points.radius = None;
+        }
+        scan::refuse(&points).map_err(invalid)?;
         return Ok(Contents::Mesh(mesh));
     }
     let told = |share| progress("reading", share);

@@ -369,6 +369,10 @@ fn model(s: &Surfels) -> Value {
         (u - v).abs() > 1e-4 * u.max(v)
     });
     let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
+    if s.spheres {
+        // Their normals, and their sides, mean nothing.
+        properties.remove(1);
+    }
     properties.extend((!s.opacity.is_empty()).then_some("opacity"));
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));
@@ -380,7 +384,9 @@ fn model(s: &Surfels) -> Value {
         (true, true) => "both show (normals estimated, open or unclear)",
         (true, false) => "both show",
     };
-    let mut pairs = vec![("surfels", json!(s.len())), ("properties", json!(properties)), ("sides", json!(sides))];
+    let what = if s.spheres { "spheres" } else { "surfels" };
+    let mut pairs = vec![(what, json!(s.len())), ("properties", json!(properties))];
+    pairs.extend((!s.spheres).then(|| ("sides", json!(sides))));
     if !s.paths().is_empty() {
         let unit = match s.velocity_unit {
             VelocityUnit::Second => "second",

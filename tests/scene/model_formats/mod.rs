@@ -17,6 +17,7 @@ mod scans;
 mod sfl;
 #[cfg(feature = "formats")]
 mod sog;
+mod spheres;
 mod splat;
 #[cfg(feature = "formats")]
 mod spz;
