@@ -83,7 +83,7 @@ pub(super) struct Overrides {
     readout: Option<Readout>,
     /// XML file with one <camera>, which takes the place of the scene's; where it has keys, the frames are theirs.
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
-    camera_path: Option<PathBuf>,
+    pub(super) camera_path: Option<PathBuf>,
 }
 
 impl Overrides {

@@ -78,6 +78,9 @@ impl ViewCommand {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         // A file that is not there is a mistake of the line; what is wrong inside a file is shown in the page.
         info::head(&self.scene).with_context(|| format!("cannot read {}", self.scene.display()))?;
+        if let Some(path) = &self.overrides.camera_path {
+            info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
+        }
         self.running.restrict()?;
         if let Some(out) = self.out.as_deref().filter(|out| out.exists() && !out.is_dir()) {
             bail!("cannot save into {}: it is a file; name a directory, which is made if missing", out.display());
