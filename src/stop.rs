@@ -42,8 +42,8 @@ impl Stop {
 /// How much of a picture is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Done {
-    /// Rounds that were begun, from 1; 0 while a reference builds what it traces. A frame of mode auto, and a reference that stops at an error, take several
-    /// rounds, and it is not known before how many; all others take one.
+    /// Rounds that were begun, from 1; 0 while a reference builds what it traces. A frame of mode auto, and a reference
+    /// that stops at an error, take several rounds, and it is not known before how many; all others take one.
     pub round: u64,
     /// Finished share of this round, 0 to 1.
     pub share: f64,

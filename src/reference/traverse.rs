@@ -357,8 +357,8 @@ fn leaf(
     fell
 }
 
-/// Intersects a ray with the spheres of a leaf, each shifted, where it enters them: nobody sees one from inside. Returns
-/// true if the limit fell.
+/// Intersects a ray with the spheres of a leaf, each shifted, where it enters them: nobody sees one from inside.
+/// Returns true if the limit fell.
 fn intersect_spheres(leaf: &Leaf, ray: &ModelRay, found: &mut Found, shift: impl Fn(usize) -> [f64; 3]) -> bool {
     let before = found.limit;
     let d2 = ray.direction.length_squared();

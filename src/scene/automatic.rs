@@ -71,7 +71,8 @@ pub(crate) struct GivenFrames {
 
 /// The frames of a scene: what is given, else the union of the ranges of all keys, else by whether an object moves.
 ///
-/// `camera`: the range of its keys, seconds. `camera_moves`: by formula. `file_rate` is the rate that an animation file gives, frames per second.
+/// `camera`: the range of its keys, seconds. `camera_moves`: by formula. `file_rate` is the rate that an animation file
+/// gives, frames per second.
 pub(crate) fn frames(
     given: &GivenFrames,
     objects: &[Object],

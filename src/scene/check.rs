@@ -133,19 +133,34 @@ impl Object {
         self.shape.check().map_err(|e| e.within("shape"))?;
         check_placement(&self.transform).map_err(|e| e.within("transform"))?;
         check_placement(&self.place).map_err(|e| e.within("place"))?;
-        if self.shape.surfels_or_none().spheres {
-            for (field, scale) in [("transform", self.transform.scale), ("place", self.place.scale)] {
-                let size = scale.abs();
-                if size.max_element() > size.min_element() * (1.0 + 1e-9) {
-                    let expected = "three equal numbers, as the object has spheres";
-                    return Err(Invalid::new("scale", scale, expected).within(field));
-                }
-            }
+        // The reference traces an ideal sphere as the ellipsoid that it becomes.
+        if !matches!(self.shape, Shape::Sphere { .. }) {
+            self.check_spheres()?;
         }
         check_motions(&self.motions)?;
         limits::UNIT.check("opacity", self.opacity)?;
         if let Some(epsilon) = self.epsilon {
             limits::EPSILON.check("epsilon", epsilon)?;
+        }
+        Ok(())
+    }
+}
+
+impl Object {
+    /// Spheres stay spheres.
+    ///
+    /// # Errors
+    /// The object has some, and scales them unequally.
+    pub(crate) fn check_spheres(&self) -> Result<(), Invalid> {
+        if !self.shape.surfels_or_none().spheres {
+            return Ok(());
+        }
+        for (field, scale) in [("transform", self.transform.scale), ("place", self.place.scale)] {
+            let size = scale.abs();
+            if size.max_element() > size.min_element() * (1.0 + 1e-9) {
+                let expected = "three equal numbers, as the object has spheres";
+                return Err(Invalid::new("scale", scale, expected).within(field));
+            }
         }
         Ok(())
     }

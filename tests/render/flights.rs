@@ -16,7 +16,8 @@ fn scene() -> Scene {
     let text = r#"<scene>
         <image width="96" height="72"/><frames first="0" last="20" rate="24"/><shutter open="-0.5" close="0.5"/>
         <camera at="0 0 0" speed="constant" easeIn="3">
-          <key frame="0" eye="-2 0.5 3" fovy="50"/><key frame="8" eye="0 1.5 3.5"/><key frame="20" eye="3 0.2 1" fovy="35"/>
+          <key frame="0" eye="-2 0.5 3" fovy="50"/><key frame="8" eye="0 1.5 3.5"/>
+          <key frame="20" eye="3 0.2 1" fovy="35"/>
         </camera>
         <light type="ambient" intensity="0.4"/><light type="directional" direction="-1 -2 -1" shadows="false"/>
         <object><sphere radius="0.6" colour="0.9 0.3 0.1"/></object>

@@ -617,7 +617,8 @@ fn the_unknown_is_refused_with_what_is_known() {
     );
     refused(
         scene("<camera\n  fov='40'/>", ""),
-        "scene.xml:3:3: <camera> has no attribute `fov`, did you mean `fovy`? (it takes: eye, at, up, atObject, fovy, near, speed, easeIn, easeOut)",
+        "scene.xml:3:3: <camera> has no attribute `fov`, did you mean `fovy`? (it takes: eye, at, up, atObject, fovy, \
+         near, speed, easeIn, easeOut)",
     );
     refused("<scene version='1'/>", "scene.xml:1:8: <scene> has no attribute `version` (it takes: none)");
     refused("<szene/>", "scene.xml:1:1: the root element `szene`, expected <scene>");
@@ -823,7 +824,8 @@ fn xml_is_checked() {
     );
     refused(
         "<scene><camera color='1'/></scene>",
-        "scene.xml:1:16: <camera> has no attribute `color` (it takes: eye, at, up, atObject, fovy, near, speed, easeIn, easeOut)",
+        "scene.xml:1:16: <camera> has no attribute `color` (it takes: eye, at, up, atObject, fovy, near, speed, \
+         easeIn, easeOut)",
     );
     refused(
         "<scene><image width=1/></scene>",
