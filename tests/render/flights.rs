@@ -41,6 +41,7 @@ fn a_flight_blurs_as_in_the_reference(on: &mut dyn Backend) {
         let flip = |picture| compare::compare(&shown, picture, &[Metric::Flip]).unwrap()[0];
         let (same, other) = (flip(&traced(frame)), flip(&traced(frame + 1)));
         println!("frame {frame}: FLIP {same:.4}, of the next frame {other:.4}");
+        // Measured on both backends: .0010 and .0026, of the next frame .043 and .16.
         assert!(same < 0.006 && other > 0.03, "frame {frame}: {same}, {other}");
     }
 }

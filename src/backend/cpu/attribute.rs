@@ -1,9 +1,10 @@
 //! What passes that add up attributes need beside splats and depths, and how they add.
 
+use glam::Mat3;
+
 use super::patch;
 use super::tiles::LANES;
 use crate::layout::Channels;
-use glam::Mat3;
 
 /// What the pass needs beside splats and thresholds.
 #[derive(Clone, Copy, Debug)]

@@ -4,6 +4,8 @@
 //!
 //! In: splats of a tile's list, the tile's depths, the surfels' attributes. Out: the tile's sums. In list order.
 
+use glam::Vec3;
+
 use super::buffers::{APRON_STRIDE, DISC, DepthLayer, PEAK, PaintBuffers, SIDE};
 use super::kernel::{Kernel, RasterRays};
 use crate::backend::cpu::attribute::{Attributes, add_patch};
@@ -13,7 +15,6 @@ use crate::backend::cpu::tiles::{LANES, Lanes, STRIDE, TileRect};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
 use crate::math::sphere;
-use glam::Vec3;
 
 /// What the pass needs beside splats and depths.
 #[derive(Clone, Copy)]
