@@ -426,7 +426,7 @@ fn check_spheres(scene: &Scene, options: &RenderOptions) -> Result<(), BackendEr
     let Some(object) = scene.objects.iter().find(|object| object.shape.surfels_or_none().spheres) else {
         return Ok(());
     };
-    scene.objects.iter().try_for_each(Object::check_spheres)?;
+    scene.objects.iter().try_for_each(Object::check_equal_scale)?;
     let spheres = |what, instead| Err(BackendError::Spheres { object: object.name.clone(), what, instead });
     if let Quality::Mode(BlurMode::Volumetric { .. }) = options.quality {
         return spheres("mode `volumetric`", "`supersample`, `bucket` or `auto`");

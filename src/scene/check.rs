@@ -135,7 +135,7 @@ impl Object {
         check_placement(&self.place).map_err(|e| e.within("place"))?;
         // The reference traces an ideal sphere as the ellipsoid that it becomes.
         if !matches!(self.shape, Shape::Sphere { .. }) {
-            self.check_spheres()?;
+            self.check_equal_scale()?;
         }
         check_motions(&self.motions)?;
         limits::UNIT.check("opacity", self.opacity)?;
@@ -147,11 +147,11 @@ impl Object {
 }
 
 impl Object {
-    /// Spheres stay spheres.
+    /// Checks whether spheres stay spheres.
     ///
     /// # Errors
     /// The object has some, and scales them unequally.
-    pub(crate) fn check_spheres(&self) -> Result<(), Invalid> {
+    pub(crate) fn check_equal_scale(&self) -> Result<(), Invalid> {
         if !self.shape.surfels_or_none().spheres {
             return Ok(());
         }
