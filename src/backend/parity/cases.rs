@@ -265,6 +265,7 @@ fn spheres(size: [u32; 2]) -> Scene {
     };
     let mut scene = two_balls(size);
     scene.objects[1].shape = as_spheres(&ball(300, 2, false)).into();
+    scene.objects[1].transform.scale = DVec3::new(-0.5, 0.5, 0.5);
     scene.objects.push(object(as_spheres(hard().surfels()), DVec3::ZERO));
     scene
 }
