@@ -10,6 +10,26 @@ use crate::limits::Invalid;
 /// for light.
 pub(super) const PLAIN: f32 = 0.3;
 
+/// Calls the macro `$with` with every optional column of a [`Cloud`], and with its name in notes: the one list of them.
+macro_rules! each_column {
+    ($with:ident) => {
+        $with!(normal, "normals");
+        $with!(radius, "radii");
+        $with!(axes, "axes");
+        $with!(colour, "colours");
+        $with!(opacity, "opacities");
+        $with!(density, "densities");
+        $with!(volume, "volumes");
+        $with!(material, "reflection coefficients");
+        $with!(velocity, "velocities");
+        $with!(acceleration, "accelerations");
+        $with!(id, "identities");
+        $with!(station, "places of scanners");
+        $with!(value, "values to colour by");
+    };
+}
+pub(super) use each_column;
+
 /// How a file stored its colours. This decides the default colour space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColourStorage {
@@ -59,6 +79,8 @@ pub struct Cloud {
     pub stations: Vec<DVec3>,
     /// Index in `stations` of the scanner that saw each point: estimated normals face it.
     pub station: Vec<u16>,
+    /// Numbers that colours are made of (`ColourBy`); NaN where a point has none.
+    pub value: Vec<f64>,
     /// True if the signs of the normals mean nothing (Gaussian splats), so both sides are to be shown.
     pub two_sided: bool,
     /// True if the signs of the normals were estimated: outward on a closed surface. Completion sets it; see
@@ -75,22 +97,12 @@ impl Cloud {
     /// The first that is neither empty nor as long as `position`.
     pub(crate) fn check(&self) -> Result<(), Invalid> {
         let columns = Columns(self.position.len());
-        for (name, length) in [
-            ("normal", self.normal.len()),
-            ("radius", self.radius.len()),
-            ("axes", self.axes.len()),
-            ("colour", self.colour.len()),
-            ("opacity", self.opacity.len()),
-            ("density", self.density.len()),
-            ("volume", self.volume.len()),
-            ("material", self.material.len()),
-            ("velocity", self.velocity.len()),
-            ("acceleration", self.acceleration.len()),
-            ("id", self.id.len()),
-            ("station", self.station.len()),
-        ] {
-            columns.check_optional(name, length)?;
+        macro_rules! check {
+            ($column:ident, $name:expr) => {
+                columns.check_optional(stringify!($column), self.$column.len())?;
+            };
         }
+        each_column!(check);
         Ok(())
     }
 }

@@ -3,14 +3,14 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::cloud::{Cloud, ColourStorage, PLAIN};
+use super::cloud::{Cloud, ColourStorage, PLAIN, each_column};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
 use super::normals::Seen;
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
-use super::{normals, radii, spacing, spheres, strays, variance};
+use super::{normals, radii, spacing, spheres, strays, tidy, variance};
 use crate::math::{Bounds, srgb};
 
 /// Smallest length, model units. Its square does not underflow in `f32`.
@@ -86,55 +86,19 @@ pub fn complete(
     Ok((surfels, notes))
 }
 
-/// Calls `$with` on every optional column and its name.
-macro_rules! for_each_column {
-    ($cloud:expr, $with:expr) => {
-        $with(&mut $cloud.normal, "normals");
-        $with(&mut $cloud.radius, "radii");
-        $with(&mut $cloud.axes, "axes");
-        $with(&mut $cloud.colour, "colours");
-        $with(&mut $cloud.material, "reflection coefficients");
-        $with(&mut $cloud.velocity, "velocities");
-        $with(&mut $cloud.acceleration, "accelerations");
-        $with(&mut $cloud.id, "identities");
-        $with(&mut $cloud.opacity, "opacities");
-        $with(&mut $cloud.density, "densities");
-        $with(&mut $cloud.volume, "volumes");
-        $with(&mut $cloud.station, "stations");
-    };
-}
-
-/// A column whose element type does not matter.
-trait Column {
-    fn len(&self) -> usize;
-    fn empty(&mut self);
-    fn keep(&mut self, kept: &[bool]);
-}
-
-impl<T> Column for Vec<T> {
-    fn len(&self) -> usize {
-        self.len()
-    }
-
-    fn empty(&mut self) {
-        *self = Self::new();
-    }
-
-    fn keep(&mut self, kept: &[bool]) {
-        let mut kept = kept.iter();
-        self.retain(|_| kept.next() == Some(&true));
-    }
-}
-
+/// Empties columns of another length than that of `position`, and notes them.
 fn drop_misfits(cloud: &mut Cloud, notes: &mut Vec<String>) {
     let points = cloud.position.len();
-    let mut check = |column: &mut dyn Column, name: &str| {
-        if column.len() != points && column.len() != 0 {
-            notes.push(format!("{name} ignored: {} of them for {points} points", column.len()));
-            column.empty();
-        }
-    };
-    for_each_column!(cloud, check);
+    macro_rules! check {
+        ($column:ident, $name:expr) => {
+            let length = cloud.$column.len();
+            if length != points && length != 0 {
+                notes.push(format!("{} ignored: {length} of them for {points} points", $name));
+                cloud.$column = Vec::new();
+            }
+        };
+    }
+    each_column!(check);
 }
 
 fn drop_unusable(cloud: &mut Cloud, notes: &mut Vec<String>) {
@@ -144,8 +108,7 @@ fn drop_unusable(cloud: &mut Cloud, notes: &mut Vec<String>) {
     let dropped = kept.iter().filter(|&&k| !k).count();
     if dropped > 0 {
         notes.push(format!("{dropped} points dropped: position not finite or beyond {MAX_COORDINATE:e}"));
-        cloud.position.keep(&kept);
-        for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
+        tidy::retain(cloud, &kept);
     }
 }
 
@@ -166,8 +129,7 @@ fn clean(cloud: &mut Cloud, progress: LoadProgress<'_>, notes: &mut Vec<String>)
     let dropped = kept.iter().filter(|kept| !**kept).count();
     let share = 100.0 * dropped as f64 / kept.len() as f64;
     notes.push(format!("{dropped} stray points left out ({share:.2} %)"));
-    cloud.position.keep(&kept);
-    for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
+    tidy::retain(cloud, &kept);
 }
 
 fn box_of(position: &[DVec3]) -> Bounds {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::cloud::{Cloud, ColourStorage};
+use super::cloud::{Cloud, ColourStorage, each_column};
 use super::error::ModelError;
 use crate::math::srgb;
 
@@ -94,18 +94,13 @@ fn add(all: &mut Cloud, mut cloud: Cloud) {
     let shifted: Option<Vec<u16>> =
         cloud.station.iter().map(|station| u16::try_from(base + usize::from(*station)).ok()).collect();
     all.position.append(&mut cloud.position);
-    column(&mut all.normal, cloud.normal, "normals", &mut notes);
-    column(&mut all.radius, cloud.radius, "radii", &mut notes);
-    column(&mut all.axes, cloud.axes, "axes", &mut notes);
-    column(&mut all.colour, cloud.colour, "colours", &mut notes);
-    column(&mut all.opacity, cloud.opacity, "opacities", &mut notes);
-    column(&mut all.density, cloud.density, "densities", &mut notes);
-    column(&mut all.volume, cloud.volume, "volumes", &mut notes);
-    column(&mut all.material, cloud.material, "reflection coefficients", &mut notes);
-    column(&mut all.velocity, cloud.velocity, "velocities", &mut notes);
-    column(&mut all.acceleration, cloud.acceleration, "accelerations", &mut notes);
-    column(&mut all.id, cloud.id, "identities", &mut notes);
-    column(&mut all.station, shifted.unwrap_or_default(), "places of scanners", &mut notes);
+    cloud.station = shifted.unwrap_or_default();
+    macro_rules! join {
+        ($column:ident, $name:expr) => {
+            column(&mut all.$column, std::mem::take(&mut cloud.$column), $name, &mut notes);
+        };
+    }
+    each_column!(join);
     all.stations.append(&mut cloud.stations);
     all.two_sided |= cloud.two_sided;
     all.notes = notes;

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::cloud::Cloud;
+use super::cloud::{Cloud, each_column};
 pub(super) use crate::limits::MAX_COORDINATE;
 use crate::math::Bounds;
 
@@ -98,18 +98,12 @@ pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
         items.retain(|_| flags.next().copied().unwrap_or(false));
     }
     filter(&mut cloud.position, keep);
-    filter(&mut cloud.normal, keep);
-    filter(&mut cloud.radius, keep);
-    filter(&mut cloud.axes, keep);
-    filter(&mut cloud.colour, keep);
-    filter(&mut cloud.material, keep);
-    filter(&mut cloud.velocity, keep);
-    filter(&mut cloud.acceleration, keep);
-    filter(&mut cloud.id, keep);
-    filter(&mut cloud.opacity, keep);
-    filter(&mut cloud.density, keep);
-    filter(&mut cloud.volume, keep);
-    filter(&mut cloud.station, keep);
+    macro_rules! filter_column {
+        ($column:ident, $name:expr) => {
+            filter(&mut cloud.$column, keep);
+        };
+    }
+    each_column!(filter_column);
 }
 
 /// True for axes that span a plane: they are finite, not too long, and not parallel (sine of the angle above 1e-6).
