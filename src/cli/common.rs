@@ -252,7 +252,7 @@ impl Running {
         &self,
         path: &Path,
         overrides: &Overrides,
-        alone: ModelAlone,
+        alone: &ModelAlone,
         pool: &rayon::ThreadPool,
     ) -> anyhow::Result<LoadedScene> {
         let restrict = self.restrict()?;
@@ -275,6 +275,7 @@ impl Running {
             up: alone.up,
             kind: alone.kind,
             radius: alone.radius,
+            colour_by: alone.colour_by.as_ref(),
             shutter,
             readout: overrides.readout,
             studio: alone.studio,
@@ -450,9 +451,9 @@ impl Ready {
         if matches!(format, Format::Exr(_)) && !has_movie {
             images.display.refuse("PNG")?;
         }
-        let alone = images.alone.of(overrides.background, images.transparent);
-        let loaded = running.load(&images.scene, overrides, alone, pool)?;
-        let display = images.display.or(loaded.display());
+        let alone = images.alone.of(overrides.background, images.transparent)?;
+        let loaded = running.load(&images.scene, overrides, &alone, pool)?;
+        let display = images.display.or(loaded.display(), &loaded.scene)?;
         let LoadedScene { mut scene, notes, studio } = loaded;
         scene.image.transparent |= images.transparent;
         let format = match format {

@@ -99,13 +99,14 @@ impl Convert {
             clean: self.clean,
             scanner: self.scanner_position,
             radius: self.radius,
+            colour_by: None,
         };
         let options = model::LoadOptions { kind, radius_scale, colour_space, points, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share));
         drop(progress);
         let (surfels, notes) = match loaded {
-            Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes }) => (surfels, notes),
+            Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes, .. }) => (surfels, notes),
             Ok(_) | Err(ModelError::NoSurfels { .. }) => {
                 let input = self.input.display();
                 bail!("{input} is a grid of a volume; convert writes surfels, and a volume has none")

@@ -97,7 +97,7 @@ impl Report {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         let contestants = Contestant::of(&self.modes, &self.backends).context("--modes")?;
         Limit::check_unique(&self.limit).context("--limit")?;
-        let ReadyScene { mut trial, notes, pool, .. } = self.common.load(&self.scene, ModelAlone::default())?;
+        let ReadyScene { mut trial, notes, pool, .. } = self.common.load(&self.scene, &ModelAlone::default())?;
         let frames = frames_of(self.frames.as_ref(), trial.scene())?.all().to_vec();
         let (reference, repeats, limits) = (self.reference, self.repeats, self.limit.clone());
         let experiment = Experiment { contestants, frames, reference, repeats, limits };

@@ -117,8 +117,8 @@ impl Sheet {
         for path in [Some(&self.out), self.flip.as_ref()].into_iter().flatten() {
             open_directory(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
         }
-        let alone = self.alone.of(self.common.overrides.background, false);
-        let ReadyScene { mut trial, pool, display, .. } = self.common.load(&self.scene, alone)?;
+        let alone = self.alone.of(self.common.overrides.background, false)?;
+        let ReadyScene { mut trial, pool, display, .. } = self.common.load(&self.scene, &alone)?;
         let part = self.crop.unwrap_or(Part::MostDifferent(60, 45));
         let line_up = LineUp { frame: self.frame, entries: self.modes.clone(), reference: self.reference, part };
         line_up.check(&trial).context("--crop")?;
@@ -137,7 +137,8 @@ impl Sheet {
             scene.shutter.weight,
             shots.crop
         );
-        pool.install(|| self.show(&line_up, &shots, &heading, self.display.or(display)))
+        let display = self.display.or(display, scene)?;
+        pool.install(|| self.show(&line_up, &shots, &heading, display))
     }
 
     /// Writes the images, and says what the panels say.

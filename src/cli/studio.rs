@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::Args;
 use glam::DVec3;
 use splatblur::image::{Display, ViewTransform};
-use splatblur::model::Kind;
-use splatblur::scene::{Studio, StudioLight, StudioOptions};
+use splatblur::model::{ColourBy, ColourMap, Kind};
+use splatblur::scene::{Scene, Studio, StudioLight, StudioOptions};
 use splatblur::scene_file::Up;
 
 use super::values;
@@ -52,22 +52,59 @@ pub(super) struct StudioArgs {
         help_heading = "Model alone"
     )]
     radius: Option<f64>,
+    #[command(flatten)]
+    colours: ColourArgs,
+}
+
+/// Colours by a column of numbers.
+#[derive(Debug, Args)]
+struct ColourArgs {
+    /// Colour the points of a model file by a column of numbers: a name in the file, x, y, z or speed. No light and no
+    /// curve changes these colours (--legend says what they stand for).
+    #[arg(long, alias = "color-by", value_name = "NAME", help_heading = "Model alone")]
+    colour_by: Option<String>,
+    /// Colours of --colour-by: viridis, turbo, plasma, grey, coolwarm, a list as '#000000,#ff0000', or a file with a
+    /// line for each colour, as `0.5 0.2 1` [default: viridis].
+    #[arg(long, alias = "color-map", value_name = "MAP", requires = "colour_by", help_heading = "Model alone")]
+    colour_map: Option<String>,
+    /// Values of the first and of the last colour of --colour-by, as -1..2.5 [default: the least and the greatest].
+    #[arg(
+        long,
+        value_name = "A..B",
+        allow_hyphen_values = true,
+        requires = "colour_by",
+        value_parser = values::range_of_colours,
+        help_heading = "Model alone"
+    )]
+    range: Option<[f64; 2]>,
+}
+
+impl ColourArgs {
+    fn of(&self) -> anyhow::Result<Option<ColourBy>> {
+        let Some(column) = &self.colour_by else { return Ok(None) };
+        if column.trim().is_empty() {
+            bail!("--colour-by: expected the name of a column, x, y, z or speed");
+        }
+        let map = self.colour_map.as_deref().map(ColourMap::open).transpose().context("--colour-map")?;
+        Ok(Some(ColourBy { column: column.clone(), map: map.unwrap_or_default(), range: self.range }))
+    }
 }
 
 /// How a model alone is shown. By default it is bare.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ModelAlone {
     pub(super) studio: Option<StudioOptions>,
     pub(super) up: Option<Up>,
     pub(super) kind: Option<Kind>,
     pub(super) radius: Option<f64>,
+    pub(super) colour_by: Option<ColourBy>,
     /// An option that is for models alone and was given.
     given: Option<&'static str>,
 }
 
 impl ModelAlone {
     /// A scene file has lights and places of its own.
-    pub(super) fn refuse_choices(self, path: &Path) -> anyhow::Result<()> {
+    pub(super) fn refuse_choices(&self, path: &Path) -> anyhow::Result<()> {
         match self.given {
             Some(option) => bail!("{option} is for a model file, and {} is a scene", path.display()),
             None => Ok(()),
@@ -77,12 +114,17 @@ impl ModelAlone {
 
 impl StudioArgs {
     /// How a model alone is shown. `transparent`: without a background.
-    pub(super) fn of(&self, background: Option<DVec3>, transparent: bool) -> ModelAlone {
+    pub(super) fn of(&self, background: Option<DVec3>, transparent: bool) -> anyhow::Result<ModelAlone> {
+        let colour_by = self.colours.of()?;
+        if colour_by.is_some() && self.unlit == Some(false) {
+            bail!("--unlit=off: no light changes the colours of --colour-by");
+        }
         let studio = StudioOptions { unlit: self.unlit, background, transparent };
         let given = self.unlit.map(|_| "--unlit").or(self.up.map(|_| "--up"));
         let given = given.or(self.kind.map(|_| "--kind")).or(self.radius.map(|_| "--radius"));
+        let given = given.or(colour_by.as_ref().map(|_| "--colour-by"));
         let Self { up, kind, radius, .. } = *self;
-        ModelAlone { studio: (!self.no_studio).then_some(studio), up, kind, radius, given }
+        Ok(ModelAlone { studio: (!self.no_studio).then_some(studio), up, kind, radius, colour_by, given })
     }
 }
 
@@ -123,11 +165,23 @@ pub(super) struct DisplayArgs {
 
 impl DisplayArgs {
     /// The choices of the command line, and for the rest `own`.
-    pub(super) fn or(&self, own: Display) -> Display {
-        Display {
+    ///
+    /// # Errors
+    /// They would change colours that stand for numbers.
+    pub(super) fn or(&self, own: Display, scene: &Scene) -> anyhow::Result<Display> {
+        let display = Display {
             stops: self.stops.unwrap_or(own.stops),
             view: self.view_transform.unwrap_or(own.view),
             dither: self.dither.unwrap_or(own.dither),
+        };
+        let option = if display.stops != 0.0 { "--stops" } else { "--view-transform" };
+        let changes = display.stops != 0.0 || display.view != ViewTransform::Standard;
+        match scene.objects.iter().find(|object| object.is_coloured_by()) {
+            Some(object) if changes => bail!(
+                "{option} would change the colours of object {:?}, which stand for numbers (colourBy)",
+                object.name
+            ),
+            _ => Ok(display),
         }
     }
 

@@ -59,7 +59,7 @@ impl Common {
     }
 
     /// Reads the scene, and puts the options into it. `alone`: how a model file is shown.
-    pub(super) fn load(&self, path: &Path, alone: ModelAlone) -> anyhow::Result<ReadyScene> {
+    pub(super) fn load(&self, path: &Path, alone: &ModelAlone) -> anyhow::Result<ReadyScene> {
         let pool = self.running.pool()?;
         let loaded = self.running.load(path, &self.overrides, alone, &pool)?;
         let display = loaded.display();

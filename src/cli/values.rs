@@ -11,7 +11,7 @@ use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
 use splatblur::limits::{COORDINATE, EPSILON, LENGTH, LIGHT, RADIUS_SCALE, RATE, SHUTTER, STOPS};
-use splatblur::model::{ColourSpace, Kind};
+use splatblur::model::{ColourBy, ColourSpace, Kind};
 use splatblur::movie::MovieKind;
 
 use super::frames::{self, MAX_FRAME};
@@ -39,6 +39,11 @@ pub(super) fn stops(text: &str) -> Result<f64, String> {
 pub(super) fn radius(text: &str) -> Result<f64, String> {
     let value = real(text)?;
     if LENGTH.holds(value) { Ok(value) } else { Err(format!("{value} is not {LENGTH}")) }
+}
+
+/// The values of the first and of the last colour.
+pub(super) fn range_of_colours(text: &str) -> Result<[f64; 2], String> {
+    ColourBy::parse_range(text).ok_or_else(|| "expected two numbers that differ, as -1..2.5".to_owned())
 }
 
 /// `surfels` or `spheres`.

@@ -112,8 +112,8 @@ impl ViewCommand {
                 say("note: others on the network reach it too, and nothing is encrypted: see --listen in the help");
             }
         }
-        let alone = self.alone.of(self.overrides.background, false);
-        let load = || self.running.load(&self.scene, &self.overrides, alone, &pool);
+        let alone = self.alone.of(self.overrides.background, false)?;
+        let load = || self.running.load(&self.scene, &self.overrides, &alone, &pool);
         viewer.run(|| load().map_err(|why| format!("{why:#}")))
     }
 }

@@ -7,6 +7,7 @@
 mod display;
 mod exr;
 mod format;
+mod legend;
 mod png;
 mod radiance;
 mod response;
@@ -16,6 +17,7 @@ use std::path::{Path, PathBuf};
 
 pub use self::display::{Display, ViewTransform};
 pub use self::format::{Bits, Compression, Exr, Format, Precision};
+pub use self::legend::draw_legends;
 pub use self::response::{Response, ResponseError};
 use crate::files::{self, Changed, InputError};
 use crate::film::Picture;

@@ -79,8 +79,10 @@ pub struct Cloud {
     pub stations: Vec<DVec3>,
     /// Index in `stations` of the scanner that saw each point: estimated normals face it.
     pub station: Vec<u16>,
-    /// Numbers that colours are made of (`ColourBy`); NaN where a point has none.
+    /// Numbers that colours are made of ([`ColourBy`](super::ColourBy)); NaN where a point has none.
     pub value: Vec<f64>,
+    /// Names of the columns of numbers that the file has, where its format names them.
+    pub columns: Vec<String>,
     /// True if the signs of the normals mean nothing (Gaussian splats), so both sides are to be shown.
     pub two_sided: bool,
     /// True if the signs of the normals were estimated: outward on a closed surface. Completion sets it; see

@@ -22,6 +22,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 
 use super::cloud::Cloud;
+use super::colour_by::ColourBy;
 use super::error::ParseError;
 use super::ply_header::{Element, PropertyKind, Scalar};
 use super::surfels::Material;
@@ -46,6 +47,7 @@ pub(super) struct Columns {
     id: Option<usize>,
     material: [Option<usize>; 4],
     opacity: Option<usize>,
+    value: Option<usize>,
     density: Option<usize>,
     volume: Option<usize>,
     /// Type of the colours, or of what is shown as grey; `None` where there is neither.
@@ -64,6 +66,7 @@ impl Columns {
     pub(super) fn find(
         finder: &mut Finder<'_>,
         element: &Element,
+        by: Option<&ColourBy>,
         notes: &mut Vec<String>,
     ) -> Result<Self, ParseError> {
         let position = finder.position()?;
@@ -96,7 +99,7 @@ impl Columns {
         let density = finder.take(["density"]).map(|s| s[0]);
         let volume = density.and_then(|_| finder.take(["volume"])).map(|s| s[0]);
         let mut grey = None;
-        if colour.is_none() {
+        if colour.is_none() && by.is_none() {
             let scalars = element.properties.iter().map(|p| p.name.as_str()).filter(|n| n.starts_with("scalar_"));
             let name = ["intensity", "quality", "grey", "gray"].into_iter().chain(scalars).find(|n| finder.has(n));
             if let Some(name) = name {
@@ -105,6 +108,8 @@ impl Columns {
                 notes.push(format!("no colours: `{name}` is shown as grey"));
             }
         }
+        // Another meaning of the column stays.
+        let value = by.and_then(|by| finder.share(&by.name()));
         Ok(Self {
             position,
             normal,
@@ -117,6 +122,7 @@ impl Columns {
             id,
             material,
             opacity,
+            value,
             density,
             volume,
             colour_type,
@@ -169,6 +175,7 @@ impl Columns {
         cloud.acceleration.extend(self.acceleration.map(vector));
         cloud.id.extend(self.id.map(|id| values[id] as i64));
         cloud.opacity.extend(self.opacity.map(|opacity| values[opacity] as f32));
+        cloud.value.extend(self.value.map(|value| values[value]));
         cloud.density.extend(self.density.map(|density| values[density] as f32));
         cloud.volume.extend(self.volume.map(|volume| values[volume] as f32));
         if self.material.iter().any(Option::is_some) {
@@ -236,6 +243,12 @@ impl<'a> Finder<'a> {
         }))
     }
 
+    /// The index of a column that may be wanted already.
+    fn share(&mut self, name: &str) -> Option<usize> {
+        let (property, _) = *self.by_name.get(name)?;
+        self.indices[property].or_else(|| self.take([name]).map(|[index]| index))
+    }
+
     /// The indices of the first of several namings that is complete.
     fn take_first<const N: usize>(&mut self, namings: &[[&str; N]]) -> Option<[usize; N]> {
         namings.iter().find_map(|names| self.take(*names))
@@ -265,6 +278,12 @@ impl<'a> Finder<'a> {
     /// Index of each column of the element, if it is wanted.
     pub(super) fn indices(&self) -> &[Option<usize>] {
         &self.indices
+    }
+
+    /// The names of all columns that are plain numbers.
+    pub(super) fn numbers(&self) -> Vec<String> {
+        let properties = self.element.properties.iter();
+        properties.filter(|p| matches!(p.kind, PropertyKind::Scalar(_))).map(|p| p.name.clone()).collect()
     }
 
     /// The names of the columns that are not wanted, for a note; `None` if there are none.

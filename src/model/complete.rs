@@ -10,7 +10,7 @@ use super::normals::Seen;
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress};
 use super::surfels::{KeptLevels, Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
-use super::{normals, radii, spacing, spheres, strays, tidy, variance};
+use super::{colour_by, normals, radii, spacing, spheres, strays, tidy, variance};
 use crate::math::{Bounds, srgb};
 
 /// Smallest length, model units. Its square does not underflow in `f32`.
@@ -59,7 +59,16 @@ pub fn complete(
         surfaces(&mut cloud, &position, &stations, options.radius_scale, progress, &mut notes)
     };
     let (axis_u, axis_v) = axes.into_par_iter().map(|[u, v]| (u, v)).unzip();
-    let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
+    let colour = match &options.points.colour_by {
+        Some(by) if !cloud.value.is_empty() => {
+            let without = cloud.value.iter().filter(|value| value.is_nan()).count();
+            if without > 0 {
+                notes.push(format!("{without} points have no value in `{}` (drawn grey)", by.column));
+            }
+            by.colours(&cloud.value, by.range.or(colour_by::range(&cloud.value)).unwrap_or_default())
+        }
+        _ => linear_colours(&cloud, position.len(), options.colour_space, &mut notes),
+    };
     repair(&mut cloud.material, Material::is_valid, Material::default(), "reflection coefficients", &mut notes);
     repair(&mut cloud.velocity, Vec3::is_finite, Vec3::ZERO, "velocities", &mut notes);
     repair(&mut cloud.acceleration, Vec3::is_finite, Vec3::ZERO, "accelerations", &mut notes);

@@ -15,7 +15,7 @@ use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
 use super::surfels::{KeptLevels, Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, inward, obj, ply, scan, several, sfl, spheres, tidy, xyz};
+use super::{bin, colour_by, inward, obj, ply, scan, several, sfl, spheres, tidy, xyz};
 use crate::files;
 use crate::math::srgb;
 
@@ -33,6 +33,8 @@ pub struct LoadedModel {
     /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
     /// assumed.
     pub notes: Vec<String>,
+    /// The values that have the first and the last colour, where points are coloured by a column of numbers.
+    pub colour_range: Option<[f64; 2]>,
 }
 
 /// What a model is made of, in file order: exactly one of these.
@@ -210,8 +212,10 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
             Err(ModelError::AreSpheres { path: owned() })
         }
         Parsed::Surfels(surfels) => {
-            let shape = LoadedShape::Surfels(adjust(surfels, options), None);
-            Ok(ready(LoadedModel { shape, notes: Vec::new() }))
+            let mut surfels = adjust(surfels, options);
+            let (colour_range, note) = recolour(&mut surfels, options, path)?.unzip();
+            let shape = LoadedShape::Surfels(surfels, None);
+            Ok(ready(LoadedModel { shape, notes: note.into_iter().collect(), colour_range }))
         }
         Parsed::Cloud(cloud) => completed(cloud, options, path, progress).map(ready),
     }
@@ -261,7 +265,8 @@ fn contents_of(path: &Path, options: &LoadOptions, progress: LoadProgress<'_>) -
         if options.node.is_some() {
             return Err(no_nodes());
         }
-        scan::refuse(&options.points).map_err(invalid)?;
+        // They have columns to colour them by, and nothing else to choose.
+        scan::refuse(&PointOptions { colour_by: None, ..options.points.clone() }).map_err(invalid)?;
         let surfels = bin::read(input, size).map_err(|why| match why {
             Fault::Format(why) => invalid(why),
             Fault::Io(why) => of_input(why.into()),
@@ -303,7 +308,18 @@ fn completed(
     if !cloud.density.is_empty() {
         notes.push("`density` ignored: it is for the kind `volume`".to_owned());
     }
-    let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
+    let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
+    let mut options = options.clone();
+    if let Some(by) = &mut options.points.colour_by {
+        colour_by::derive(&mut cloud, by);
+        if cloud.value.is_empty() && !cloud.position.is_empty() {
+            return Err(invalid(colour_by::missing(by, &cloud.columns)));
+        }
+        by.range = by.range.or(colour_by::range(&cloud.value));
+        notes.extend(by.range.map(|range| by.note(range)));
+    }
+    let colour_range = options.points.colour_by.as_ref().and_then(|by| by.range);
+    let (surfels, completed) = complete(cloud, &options, progress).map_err(|error| match error {
         ModelError::NoPoints => {
             let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
             ModelError::NoPointsIn { path: path.to_owned(), dropped }
@@ -312,7 +328,45 @@ fn completed(
     })?;
     notes.extend(completed);
     notes.extend(inward::note(&surfels));
-    Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, None), notes })
+    Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, None), notes, colour_range })
+}
+
+/// Colours surfels that are complete by one of their columns; the range of its values, and a note.
+fn recolour(
+    surfels: &mut Surfels,
+    options: &LoadOptions,
+    path: &Path,
+) -> Result<Option<([f64; 2], String)>, ModelError> {
+    let Some(by) = &options.points.colour_by else { return Ok(None) };
+    let values =
+        colour_by::of_surfels(surfels, by).map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?;
+    let Some(range) = by.range.or(colour_by::range(&values)) else { return Ok(None) };
+    surfels.colour = by.colours(&values, range);
+    surfels.levels = KeptLevels::default();
+    Ok(Some((range, by.note(range))))
+}
+
+/// The least and the greatest value of the column that colours the points of a file; `None` where it has no point with
+/// one, or where nothing colours them.
+///
+/// # Errors
+/// The file cannot be read, is not a valid cloud of points, or lacks the column.
+pub(crate) fn value_range(path: &Path, options: &LoadOptions) -> Result<Option<[f64; 2]>, ModelError> {
+    let Some(by) = &options.points.colour_by else { return Ok(None) };
+    let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
+    let Contents::Other(content, _) = files::steady(|| contents(path, options, &|_, _| {}))? else {
+        return Err(ModelError::NoCloud { path: path.to_owned() });
+    };
+    match tidied(*content) {
+        Parsed::Cloud(cloud) if cloud.value.is_empty() && !cloud.position.is_empty() => {
+            Err(invalid(colour_by::missing(by, &cloud.columns)))
+        }
+        Parsed::Cloud(cloud) => Ok(colour_by::range(&cloud.value)),
+        Parsed::Surfels(surfels) => {
+            colour_by::of_surfels(&surfels, by).map(|values| colour_by::range(&values)).map_err(invalid)
+        }
+        Parsed::Grid(_) => Err(ModelError::NoSurfels { path: path.to_owned() }),
+    }
 }
 
 /// The vertices of a mesh as points.
@@ -367,7 +421,7 @@ fn of_samples(mesh: Arc<Mesh>, sampled: Sampled, options: MeshOptions, radius_sc
     notes.extend(of_sampling);
     notes.extend(inward::note(&surfels));
     let mesh = MeshSource { mesh, options, radius_scale, spacing };
-    LoadedModel { shape: LoadedShape::Surfels(surfels, Some(mesh)), notes }
+    LoadedModel { shape: LoadedShape::Surfels(surfels, Some(mesh)), notes, colour_range: None }
 }
 
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
@@ -388,7 +442,7 @@ fn of_volume(made: Result<Made, ParseError>, path: &Path) -> Result<LoadedModel,
         why.push("no sample has an extinction above 0".to_owned());
         return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: format!(": {}", why.join("; ")) });
     }
-    Ok(LoadedModel { shape: LoadedShape::Volume(gaussians, facts), notes })
+    Ok(LoadedModel { shape: LoadedShape::Volume(gaussians, facts), notes, colour_range: None })
 }
 
 /// Refuses captures of programs that keep the meaning of their bytes to themselves, or spread them over many files.
@@ -436,7 +490,7 @@ fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Resu
     if let Some(space) = options.colour_space {
         gaussians.linear = space == ColourSpace::Linear;
     }
-    Ok(LoadedModel { shape: LoadedShape::Capture(gaussians), notes })
+    Ok(LoadedModel { shape: LoadedShape::Capture(gaussians), notes, colour_range: None })
 }
 
 /// What the readers give.
@@ -457,16 +511,17 @@ fn read(
     points: &PointOptions,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<ModelContent, ParseError> {
+    let by = points.colour_by.as_ref();
     let mut content = match format {
-        ModelFormat::Ply => match ply::parse(bytes, faces, progress)? {
+        ModelFormat::Ply => match ply::parse(bytes, faces, by, progress)? {
             ply::PlyContent::Cloud(cloud) => ModelContent::Cloud(cloud),
             ply::PlyContent::Mesh(cloud, triangles) => ModelContent::Mesh(cloud, triangles),
             ply::PlyContent::Capture(gaussians) => ModelContent::Capture(gaussians),
         },
         ModelFormat::Sfl => ModelContent::Cloud(sfl::parse(bytes, progress)?),
         ModelFormat::Obj => ModelContent::Cloud(obj::parse(bytes, progress)?),
-        ModelFormat::Xyz => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Xyz, progress)?),
-        ModelFormat::Pts => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Pts, progress)?),
+        ModelFormat::Xyz => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Xyz, by, progress)?),
+        ModelFormat::Pts => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Pts, by, progress)?),
         ModelFormat::Splat => ModelContent::Capture(capture::parse_splat(bytes, progress)?),
         ModelFormat::Sog => ModelContent::Capture(capture::parse_sog(bytes, progress)?),
         ModelFormat::Spz => ModelContent::Capture(capture::parse_spz(bytes)?),
@@ -485,6 +540,9 @@ fn read(
                 scan::choose(cloud, points)?;
             }
             scan::stand(cloud, points);
+            if let Some(by) = by {
+                colour_by::derive(cloud, by);
+            }
         }
         _ => scan::refuse(points)?,
     }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::colour_by::ColourBy;
 use super::volume::VolumeOptions;
 
 /// The colour space of a model file's colours (`<pointModel colourSpace="...">`).
@@ -70,11 +71,13 @@ pub struct PointOptions {
     pub scanner: Option<DVec3>,
     /// Radius of all points, model units, > 0, in place of those of the file and of estimates.
     pub radius: Option<f64>,
+    /// Colours by a column of numbers, in place of those of the file.
+    pub colour_by: Option<ColourBy>,
 }
 
 impl Default for PointOptions {
     fn default() -> Self {
-        Self { every: 1, classes: Vec::new(), clean: false, scanner: None, radius: None }
+        Self { every: 1, classes: Vec::new(), clean: false, scanner: None, radius: None, colour_by: None }
     }
 }
 

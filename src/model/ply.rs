@@ -15,6 +15,7 @@ use super::area_normals::{self, AreaNormals};
 use super::capture::compressed_ply;
 use super::capture::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of, logistic};
 use super::cloud::Cloud;
+use super::colour_by::ColourBy;
 use super::columns::{Columns, Finder};
 use super::error::ParseError;
 use super::mesh::polygon::fans;
@@ -69,12 +70,18 @@ impl PlyContent {
 }
 
 /// Reads a PLY file. `progress` now and then gets the share of vertices read. `faces`: a file with faces is a mesh;
-/// else its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case.
+/// else its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case. `by`: the
+/// column that points are coloured by.
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
 /// positions, or face indices are bad. Where the faces of a text are at fault, its points are used, with a note.
-pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result<PlyContent, ParseError> {
+pub(super) fn parse(
+    bytes: &[u8],
+    faces: bool,
+    by: Option<&ColourBy>,
+    progress: &dyn Fn(f32),
+) -> Result<PlyContent, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
     if compressed_ply::is_compressed(&header) {
@@ -88,7 +95,7 @@ pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result
     let mut damage = None;
     for element in &header.elements {
         match element.name.as_str() {
-            "vertex" => content = Some(read_vertices(&mut body, element, &header, progress)?),
+            "vertex" => content = Some(read_vertices(&mut body, element, &header, by, progress)?),
             "face" | "tristrips" => {
                 faces.push((element, body.at));
                 if let Err(fault) = body.skip_element(element) {
@@ -261,6 +268,7 @@ fn read_vertices(
     body: &mut Body<'_>,
     element: &Element,
     header: &Header,
+    by: Option<&ColourBy>,
     progress: &dyn Fn(f32),
 ) -> Result<PlyContent, ParseError> {
     const CHUNK: usize = 1 << 16;
@@ -268,7 +276,7 @@ fn read_vertices(
     let mut finder = Finder::new(element);
     let vertices = match GaussianColumns::find(&mut finder) {
         Some(gaussians) => Vertices::Gaussians(finder.position()?, gaussians),
-        None => Vertices::Points(Box::new(Columns::find(&mut finder, element, &mut cloud.notes)?)),
+        None => Vertices::Points(Box::new(Columns::find(&mut finder, element, by, &mut cloud.notes)?)),
     };
     let mut gaussians = Gaussians::default();
     let count = body.count(element)?;
@@ -279,6 +287,7 @@ fn read_vertices(
         }
         Vertices::Points(_) => {
             cloud.notes.extend(finder.ignored().map(|names| format!("vertex properties ignored: {names}")));
+            cloud.columns = finder.numbers();
             cloud.position.reserve_exact(count);
         }
     }

@@ -19,6 +19,7 @@
 use glam::{DVec3, Vec3};
 
 use super::cloud::{Cloud, ColourStorage};
+use super::colour_by::ColourBy;
 use super::error::{ParseError, line_of, quote};
 use super::ply_body::number;
 use super::xyz_names::{self, Names, ONE, grey};
@@ -64,7 +65,12 @@ pub(super) fn looks_like(bytes: &[u8]) -> Option<TextKind> {
 /// # Errors
 /// The error names the line. A word is no number, lines differ in their columns, there are no such columns, a colour is
 /// outside 0..=255, or the points are not as many as counted.
-pub(super) fn parse(bytes: &[u8], kind: TextKind, progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+pub(super) fn parse(
+    bytes: &[u8],
+    kind: TextKind,
+    by: Option<&ColourBy>,
+    progress: &dyn Fn(f32),
+) -> Result<Cloud, ParseError> {
     if kind == TextKind::Xyz
         && let Some((names, rest)) = names(bytes)?
     {
@@ -75,7 +81,7 @@ pub(super) fn parse(bytes: &[u8], kind: TextKind, progress: &dyn Fn(f32)) -> Res
                 progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
             }
         };
-        return xyz_names::parse(&names, lines(body, first, xyz_names::MOST), &told);
+        return xyz_names::parse(&names, lines(body, first, xyz_names::MOST), by, &told);
     }
     let mut table = Table::default();
     let mut cloud = Cloud::default();

@@ -9,6 +9,7 @@ use std::collections::HashSet;
 use glam::Vec3;
 
 use super::cloud::{Cloud, ColourStorage};
+use super::colour_by::ColourBy;
 use super::columns::{Columns, Finder, list};
 use super::error::{ParseError, quote};
 use super::ply_body::number;
@@ -76,6 +77,7 @@ fn name(word: &[u8]) -> String {
 pub(super) fn parse<'a>(
     names: &Names,
     lines: impl Iterator<Item = (u64, Vec<&'a [u8]>)>,
+    by: Option<&ColourBy>,
     progress: &dyn Fn(u64, &[&[u8]]),
 ) -> Result<Cloud, ParseError> {
     let mut cloud = Cloud::default();
@@ -83,8 +85,9 @@ pub(super) fn parse<'a>(
     let shown: Vec<&str> = element.properties.iter().map(|property| property.name.as_str()).collect();
     cloud.notes.push(format!("line {} names the columns: {}", element.line, list(&shown)));
     let mut finder = Finder::new(element);
-    let columns = Columns::find(&mut finder, element, &mut cloud.notes)?;
+    let columns = Columns::find(&mut finder, element, by, &mut cloud.notes)?;
     cloud.notes.extend(finder.ignored().map(|names| format!("columns ignored: {names}")));
+    cloud.columns = finder.numbers();
     let mut values = vec![0.0; finder.wanted()];
     for (line, words) in lines {
         progress(line, &words);

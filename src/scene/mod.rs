@@ -13,6 +13,7 @@ mod sequence;
 mod shape;
 mod sight;
 mod studio;
+mod unlit;
 mod unseen;
 mod values;
 

@@ -13,8 +13,8 @@ use crate::anim::{Interpolation, TrackFormat, TrackOptions};
 use crate::limits::FAR;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{
-    self, ColourSpace, Kind, Material, MeshOptions, PointOptions, TransferFunction, TransferStop, VelocityUnit,
-    VolumeOptions,
+    self, ColourBy, ColourMap, ColourSpace, Kind, Material, MeshOptions, PointOptions, TransferFunction, TransferStop,
+    VelocityUnit, VolumeOptions,
 };
 use crate::options::Detail;
 use crate::scene::{
@@ -110,6 +110,8 @@ pub(super) struct ObjectSpec {
     pub(super) detail: Detail,
     pub(super) shape: ShapeSpec,
     pub(super) options: model::LoadOptions,
+    /// A table of colours, in place of the map that `options` has.
+    pub(super) colour_table: Option<FileRef>,
     pub(super) transform: Trs,
     pub(super) animation: Option<AnimationSpec>,
     pub(super) motions: Vec<Motion>,
@@ -395,6 +397,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             node: model.text("node")?,
             points: points(&model)?,
         },
+        colour_table: colour_table(&model)?,
         gaussians: gaussians(&model)?,
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
@@ -418,7 +421,35 @@ fn points(model: &Part<'_>) -> Result<PointOptions, SceneError> {
         clean: model.boolean("clean")?,
         scanner: model.optional_vector("scannerPosition")?,
         radius: model.optional_number("radius")?,
+        colour_by: colour_by(model)?,
     })
+}
+
+/// The column that colours points. The map of a table is read later.
+fn colour_by(model: &Part<'_>) -> Result<Option<ColourBy>, SceneError> {
+    let Some(column) = model.text("colourBy")? else {
+        let idle = ["colourMap", "range"].into_iter().find(|name| model.given(name));
+        return match idle {
+            Some(name) => Err(model.bad(name, &"without `colourBy`", "`colourBy`, or neither".to_owned())),
+            None => Ok(None),
+        };
+    };
+    let map = model.text("colourMap")?.and_then(|text| ColourMap::parse(&text)).unwrap_or_default();
+    let range = match model.text("range")? {
+        None => None,
+        Some(text) => Some(
+            ColourBy::parse_range(&text)
+                .ok_or_else(|| model.bad("range", &quoted(&text), "two numbers that differ, as -1..2.5".to_owned()))?,
+        ),
+    };
+    Ok(Some(ColourBy { column, map, range }))
+}
+
+/// The file of a table of colours, if the map is one.
+fn colour_table(model: &Part<'_>) -> Result<Option<FileRef>, SceneError> {
+    let at = model.element.attribute("colourMap").map_or(model.element.at, |attribute| attribute.at);
+    let text = model.text("colourMap")?.filter(|text| ColourMap::parse(text).is_none());
+    Ok(text.map(|text| FileRef { text, at }))
 }
 
 /// Numbers of classes, rising, each once.

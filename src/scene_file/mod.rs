@@ -28,7 +28,7 @@ use glam::DVec3;
 use crate::files;
 use crate::image::{Display, ViewTransform};
 use crate::math::Trs;
-use crate::model::{self, Kind, LoadProgress, ModelFormat};
+use crate::model::{self, ColourBy, Kind, LoadProgress, ModelFormat};
 use crate::options::words;
 use crate::scene::{Camera, Object, Scene, Studio, StudioLight, StudioOptions};
 use crate::time::Readout;
@@ -58,6 +58,8 @@ pub struct SceneLoadOptions<'a> {
     pub kind: Option<Kind>,
     /// Radius of all points of a model alone, model units. Scene files say it of each object.
     pub radius: Option<f64>,
+    /// The column of numbers that colours the points of a model alone. Scene files say it of each object.
+    pub colour_by: Option<&'a ColourBy>,
     /// When the shutter opens and closes on a model alone, frames around the frame number; its camera in a studio
     /// depends on it. Scene files say it themselves.
     pub shutter: Option<(f64, f64)>,
@@ -177,14 +179,16 @@ type Alone = (Scene, Vec<String>, Option<Studio>);
 fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, SceneError> {
     let silent = |_: &str, _: f32| {};
     let progress = options.progress.unwrap_or(&silent);
-    let points = model::PointOptions { radius: options.radius, ..model::PointOptions::default() };
+    let colour_by = options.colour_by.cloned();
+    let points = model::PointOptions { radius: options.radius, colour_by, ..model::PointOptions::default() };
     let of_model = model::LoadOptions { kind: options.kind, points, ..model::LoadOptions::default() };
     let loaded = model::load(path, &resolve::coarse(of_model.clone()), progress)?;
     let mut notes: Vec<String> = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
-    let mesh = loaded.mesh().cloned();
+    let (mesh, colour_range) = (loaded.mesh().cloned(), loaded.colour_range);
     let mut object = Object::new(loaded);
     path.clone_into(&mut object.source.path);
     object.source.options = of_model;
+    resolve::take_range(&mut object.source.options, colour_range);
     notes.extend(stand(&mut object, options.up, path));
     let shape = object.shape.clone();
     let mut scene = Scene::new([object]);
@@ -200,7 +204,13 @@ fn load_alone(path: &Path, options: &SceneLoadOptions<'_>) -> Result<Alone, Scen
         scene.shutter.readout = readout;
     }
     // Before a mesh is sampled as finely as its camera sees it.
-    let studio = options.studio.map(|wanted| scene.enter_studio(&wanted));
+    let coloured = options.colour_by.is_some();
+    let unlit = |wanted: StudioOptions| if coloured { StudioOptions { unlit: Some(true), ..wanted } } else { wanted };
+    let studio = options.studio.map(|wanted| scene.enter_studio(&unlit(wanted)));
+    if studio.is_none() {
+        // The light of a bare model is grey, so that this cannot fail.
+        let _ = scene.unlight_coloured_by();
+    }
     if let Some(flown) = flown(options)? {
         flown.enter(&mut scene)?;
     }

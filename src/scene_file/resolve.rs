@@ -18,7 +18,7 @@ use crate::environment::{Environment, LatLong};
 use crate::files::Seen;
 use crate::image;
 use crate::model::mesh::Fineness;
-use crate::model::{self, LoadedShape, MeshOptions, MeshSource, ReadFile, Spacing};
+use crate::model::{self, ColourMap, LoadedShape, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::options::Detail;
 use crate::scene::{
     self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Object, Opened, PointMotion, Scene, Sequence,
@@ -97,6 +97,12 @@ pub(super) fn resolve(
         objects,
         files: Seen::new(),
     };
+    scene.unlight_coloured_by().map_err(|ambient| SceneError::BadValue {
+        at: source.locate(0),
+        what: "the ambient light".to_owned(),
+        found: format!("{} {} {}", ambient.x, ambient.y, ambient.z),
+        expected: "three equal numbers, as `colourBy` shows colours that no light changes".to_owned(),
+    })?;
     scene.camera = camera(camera_source, &scene, spec, camera_binding)?;
     let says_fovy = spec.is_some_and(|camera| camera.says_fovy);
     if let Some(intrinsics) = intrinsics {
@@ -286,7 +292,8 @@ struct Files<'a> {
     notes: Vec<String>,
     /// By the text that names them: the path, and the one name of the file.
     found: HashMap<String, (PathBuf, PathBuf)>,
-    shapes: HashMap<ModelKey, Shape>,
+    /// With the values of the first and of the last colour.
+    shapes: HashMap<ModelKey, (Shape, Option<[f64; 2]>)>,
     /// How often each file, or a node of it, was read as a model.
     variants: HashMap<(PathBuf, Option<String>), usize>,
     /// All that were sampled. Files with the same mesh share one.
@@ -298,6 +305,13 @@ struct Files<'a> {
     automatic: bool,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
+}
+
+/// Keeps the range of values that colours stand for.
+pub(super) fn take_range(options: &mut model::LoadOptions, range: Option<[f64; 2]>) {
+    if let Some(by) = &mut options.points.colour_by {
+        by.range = by.range.or(range);
+    }
 }
 
 /// Do both sides of its surface show?
@@ -322,17 +336,20 @@ fn as_said(mut shape: Shape, spec: &ObjectSpec) -> Shape {
 }
 
 impl Files<'_> {
-    fn object(&mut self, spec: ObjectSpec) -> Result<Object, SceneError> {
+    fn object(&mut self, mut spec: ObjectSpec) -> Result<Object, SceneError> {
+        self.colour_table(&mut spec)?;
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
         let (path, shape) = match &spec.shape {
             ShapeSpec::Model(file) => {
                 let (path, canonical) = self.find(file)?;
-                let shape = self.model(file, &spec.options, &path, canonical)?;
+                let (shape, colour_range) = self.model(file, &spec.options, &path, canonical)?;
                 self.note_idle(&spec, &shape);
+                take_range(&mut spec.options, colour_range);
                 (path, shape)
             }
             ShapeSpec::Sequence(files, first) => {
-                let Opened { sequence: files, two_sided, .. } = self.sequence(files, first, &spec)?;
+                let Opened { sequence: files, two_sided, colour_range, .. } = self.sequence(files, first, &spec)?;
+                take_range(&mut spec.options, colour_range);
                 let path = PathBuf::from(files.spec().pattern.to_string());
                 let surface = Surface { two_sided, ..Surface::default() };
                 (path, Shape::Sequence { files, unit: spec.points.unit, surface })
@@ -361,6 +378,15 @@ impl Files<'_> {
             cast_shadows: spec.cast_shadows,
             ..Object::new(shape)
         })
+    }
+
+    /// Reads the table of colours of an object, if it has one.
+    fn colour_table(&mut self, spec: &mut ObjectSpec) -> Result<(), SceneError> {
+        let (Some(file), Some(by)) = (&spec.colour_table, &mut spec.options.points.colour_by) else { return Ok(()) };
+        let (path, _) = self.find(file)?;
+        by.map = ColourMap::read(&path)
+            .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
+        Ok(())
     }
 
     /// The files of a sequence, of which `first` is the first one.
@@ -454,7 +480,7 @@ impl Files<'_> {
         options: &model::LoadOptions,
         path: &Path,
         canonical: PathBuf,
-    ) -> Result<Shape, SceneError> {
+    ) -> Result<(Shape, Option<[f64; 2]>), SceneError> {
         let key = (canonical, format!("{options:?}"));
         if let Some(shape) = self.shapes.get(&key) {
             return Ok(shape.clone());
@@ -486,8 +512,8 @@ impl Files<'_> {
                     let (path, first) = (path.display(), known.path.display());
                     self.notes.push(format!("{path}: the same mesh as {first}, and sampled once for both"));
                     let shape = known.shape.clone();
-                    self.shapes.insert(key, shape.clone());
-                    return Ok(shape);
+                    self.shapes.insert(key, (shape.clone(), None));
+                    return Ok((shape, None));
                 }
                 model::sample_mesh(mesh, &options, path, progress).map_err(refuse)?
             }
@@ -507,12 +533,13 @@ impl Files<'_> {
         if mesh.is_none() || !is_auto {
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
         }
+        let colour_range = loaded.colour_range;
         let shape = Shape::from(loaded);
         if let Some(source) = mesh {
             self.meshes.push(SampledMesh { path: path.to_owned(), source, shape: shape.clone(), is_coarse: is_auto });
         }
-        self.shapes.insert(key, shape.clone());
-        Ok(shape)
+        self.shapes.insert(key, (shape.clone(), colour_range));
+        Ok((shape, colour_range))
     }
 
     /// The poses of a tracked camera, and its lens. `rate`: the scene's, frames per second, where it says one.

@@ -503,6 +503,24 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("that of E57, else none"),
                 "where the scanner of a cloud stood, in the file's coordinates: estimated normals face it",
             ),
+            row(
+                "colourBy",
+                ValueKind::Text,
+                Auto("none"),
+                "column of numbers that colours points: a name in the file, x, y, z or speed",
+            ),
+            row(
+                "colourMap",
+                ValueKind::Text,
+                Value("viridis"),
+                "its colours: viridis, turbo, plasma, grey, coolwarm, a list as #000000,#ff0000, or the path of a table",
+            ),
+            row(
+                "range",
+                ValueKind::Text,
+                Auto("the least and the greatest value of all files"),
+                "values of the first and of the last colour, as -1..2.5",
+            ),
             row("lit", ValueKind::Boolean, Value("false"), "true: lights shade a volume, with gradients as normals"),
             row("opacity", ValueKind::Number(UNIT), Value("1"), "factor on the opacities of a capture or a volume"),
             row(

@@ -14,7 +14,8 @@ use crate::anim::{CameraPath, Interpolation, NodeMotion, PathKey, PathTiming, Tr
 use crate::limits::{LIGHT, MOST_INTENSITY};
 use crate::math::Trs;
 use crate::model::{
-    ColourSpace, Kind, LoadOptions, MeshOptions, PointOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions,
+    ColourBy, ColourSpace, Kind, LoadOptions, MeshOptions, PointOptions, Spacing, TransferFunction, VelocityUnit,
+    VolumeOptions,
 };
 use crate::options::Detail;
 use crate::scene::{AnimationBinding, Camera, Drawing, Light, Motion, Object, PointMotion, Scene, Shape};
@@ -241,7 +242,9 @@ impl Xml {
         }
         object.motions.iter().for_each(|motion| self.motion(motion));
         self.placement("place", &object.place);
-        let coefficients = object.shape.material().map(|m| {
+        // That of colours by a column follows from the lights.
+        let material = object.shape.material().filter(|_| !object.is_coloured_by());
+        let coefficients = material.map(|m| {
             [
                 ("ambient", m.ambient.to_string()),
                 ("diffuse", m.diffuse.to_string()),
@@ -306,7 +309,7 @@ impl Xml {
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
         attributes.extend(node.clone().map(|node| ("node", node)));
-        let PointOptions { every, classes, clean, scanner, radius } = points;
+        let PointOptions { every, classes, clean, scanner, radius, colour_by } = points;
         if *every > 1 {
             attributes.push(("every", every.to_string()));
         }
@@ -319,6 +322,11 @@ impl Xml {
         }
         attributes.extend(scanner.map(|place| ("scannerPosition", vector(place))));
         attributes.extend(radius.map(|radius| ("radius", number(radius))));
+        if let Some(ColourBy { column, map, range }) = colour_by {
+            let map = if map.is_table() { relative(Path::new(&map.to_string()), base) } else { map.to_string() };
+            attributes.extend([("colourBy", column.clone()), ("colourMap", map)]);
+            attributes.extend(range.map(|[first, last]| ("range", format!("{first}..{last}"))));
+        }
         if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.shape.drawing(object.opacity) {
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
             if let Some([min, max]) = crop {

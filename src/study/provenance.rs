@@ -119,6 +119,9 @@ pub struct Settings {
     /// Dither of a PNG file.
     #[serde(skip_serializing_if = "Option::is_none")]
     dither: Option<bool>,
+    /// Is the legend of its colours drawn into it?
+    #[serde(skip_serializing_if = "Option::is_none")]
+    legend: Option<bool>,
     /// Compression of an EXR file.
     #[serde(skip_serializing_if = "Option::is_none")]
     compression: Option<&'static str>,
@@ -173,6 +176,7 @@ impl Provenance {
             stops: None,
             view_transform: None,
             dither: None,
+            legend: None,
             compression: None,
             inputs: inputs(scene, path)?,
             hash: String::new(),
@@ -190,6 +194,13 @@ impl Provenance {
         self.of_scene.stops = (stops != 0.0).then_some(stops);
         self.of_scene.view_transform = (view != ViewTransform::Standard).then(|| view.word());
         self.of_scene.dither = dither.then_some(true);
+        self
+    }
+
+    /// The same where the legend of colours is drawn into pictures, or is not.
+    #[must_use]
+    pub fn with_legend(mut self, legend: bool) -> Self {
+        self.of_scene.legend = legend.then_some(true);
         self
     }
 

@@ -217,7 +217,7 @@ impl Dataset {
             options.memory = self.splatting.limit.memory(backend, self.running.quiet);
         }
         let LoadedScene { scene, notes, .. } =
-            self.running.load(path, &choices.overrides, ModelAlone::default(), &pool)?;
+            self.running.load(path, &choices.overrides, &ModelAlone::default(), &pool)?;
         if let Format::Png { alpha, .. } = &mut recipe.format {
             *alpha = scene.image.transparent;
         }

@@ -9,6 +9,7 @@ use splatblur::FrameNumber;
 use splatblur::files::Nameless;
 use splatblur::film::Picture;
 use splatblur::image::{self, Bits, Display, Format};
+use splatblur::model::ColourBy;
 use splatblur::movie::Movie;
 use splatblur::renderer::{FinishedFrame, FrameError, FrameQueue, Rendered, Stats};
 
@@ -33,6 +34,8 @@ pub(super) struct FrameOutput<'a> {
     pub(super) bits: Bits,
     /// Is there no background? Then colours are shown without their coverage.
     pub(super) transparent: bool,
+    /// What colours stand for, to be drawn into pictures.
+    pub(super) legends: &'a [ColourBy],
     /// Skip frames whose file carries the same settings and is whole.
     pub(super) resume: bool,
     /// Write files of pictures; else a movie alone is made.
@@ -206,7 +209,9 @@ impl FrameOutput<'_> {
                     None => continue,
                 },
                 Page::Rendered { path, picture, settings, comment } => {
-                    let picture = if is_shown { self.shown(picture) } else { picture };
+                    let mut picture = if is_shown { self.shown(picture) } else { picture };
+                    // There was room for them before the first frame.
+                    image::draw_legends(&mut picture, self.legends);
                     if self.writes {
                         let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
                         match &comment {
@@ -319,6 +324,7 @@ mod tests {
             display: Display::default(),
             bits: Bits::Eight,
             transparent: false,
+            legends: &[],
             resume,
             writes: true,
             gate: &gate,

@@ -15,6 +15,8 @@ use crate::model::cloud::{Cloud, ColourStorage};
 use crate::model::error::ParseError;
 use crate::model::options::PointOptions;
 
+/// The one column of numbers that points are coloured by.
+const INTENSITY: &str = "intensity";
 /// Bytes of the header.
 pub(super) const HEADER: usize = 48;
 /// Byte at which the header says how long its text is.
@@ -167,7 +169,10 @@ pub(in crate::model) fn parse(
     if placed {
         cloud.stations = stations.into_iter().flatten().collect();
     }
-    if cloud.colour.is_empty() {
+    cloud.columns = vec![INTENSITY.to_owned()];
+    if options.colour_by.as_ref().is_some_and(|by| by.name() == INTENSITY) {
+        cloud.value = intensity.iter().copied().map(f64::from).collect();
+    } else if cloud.colour.is_empty() {
         grey(&intensity, &mut cloud);
     }
     if invalid > 0 {

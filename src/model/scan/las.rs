@@ -38,6 +38,41 @@ const CLASS_NAMES: [(u8, &str); 10] = [
     (18, "high noise"),
 ];
 
+/// Names of the columns of numbers, as laspy has them.
+const COLUMNS: [&str; 12] = [
+    "intensity",
+    "classification",
+    "return_number",
+    "number_of_returns",
+    "scan_angle",
+    "user_data",
+    "point_source_id",
+    "gps_time",
+    "red",
+    "green",
+    "blue",
+    "nir",
+];
+
+/// A column of numbers by its name; `None` where points have none.
+fn column<'a>(data: &'a PointBlock, name: &str) -> Option<Box<dyn Iterator<Item = f64> + 'a>> {
+    Some(match name {
+        "intensity" => Box::new(data.intensity().map(f64::from)),
+        "classification" => Box::new(data.classification().map(f64::from)),
+        "return_number" => Box::new(data.return_number().map(f64::from)),
+        "number_of_returns" => Box::new(data.number_of_returns().map(f64::from)),
+        "scan_angle" => Box::new(data.scan_angle_degrees().map(f64::from)),
+        "user_data" => Box::new(data.user_data().map(f64::from)),
+        "point_source_id" => Box::new(data.point_source_id().map(f64::from)),
+        "gps_time" => Box::new(data.gps_time()?),
+        "red" => Box::new(data.rgb()?.map(|(red, _, _)| f64::from(red))),
+        "green" => Box::new(data.rgb()?.map(|(_, green, _)| f64::from(green))),
+        "blue" => Box::new(data.rgb()?.map(|(_, _, blue)| f64::from(blue))),
+        "nir" => Box::new(data.nir()?.map(f64::from)),
+        _ => return None,
+    })
+}
+
 /// Points as the file has them, without those that are not wanted.
 #[derive(Default)]
 struct Gathered {
@@ -45,6 +80,8 @@ struct Gathered {
     /// Empty where the format has none.
     colour: Vec<[u16; 3]>,
     intensity: Vec<u16>,
+    /// Of the column that colours them; empty where there is none.
+    value: Vec<f64>,
     /// Points of each class of the file, the unwanted included.
     classes: BTreeMap<u8, u64>,
     withheld: u64,
@@ -58,11 +95,13 @@ impl Gathered {
         let extended = data.format().is_extended;
         let places = data.x().zip(data.y()).zip(data.z());
         let mut colours = data.rgb();
+        let mut values = options.colour_by.as_ref().and_then(|by| column(data, &by.name()));
         let flags = data.raw_bytes().chunks_exact(data.record_len().max(1));
         for ((((x, y), z), (class, intensity)), record) in
             places.zip(data.classification().zip(data.intensity())).zip(flags)
         {
             let colour = colours.as_mut().and_then(Iterator::next);
+            let value = values.as_mut().and_then(Iterator::next);
             // Bit 2 of the flags, which older formats have above the class.
             let withheld = if extended { record[15] & 0b100 != 0 } else { record[15] & 0b1000_0000 != 0 };
             gathered.withheld += u64::from(withheld);
@@ -74,6 +113,7 @@ impl Gathered {
             gathered.position.push(DVec3::new(x, y, z));
             gathered.colour.extend(colour.map(|(r, g, b)| [r, g, b]));
             gathered.intensity.push(intensity);
+            gathered.value.extend(value);
         }
         gathered.classes = (0..=u8::MAX).zip(classes).filter(|(_, count)| *count > 0).collect();
         gathered
@@ -90,12 +130,14 @@ impl Gathered {
                 self.position.push(position);
                 self.colour.extend(other.colour.get(i));
                 self.intensity.push(other.intensity[i]);
+                self.value.extend(other.value.get(i));
             }
         }
     }
 
     fn into_cloud(self, options: &PointOptions) -> Cloud {
-        let mut cloud = Cloud { position: self.position, ..Cloud::default() };
+        let columns = COLUMNS.map(str::to_owned).into();
+        let mut cloud = Cloud { position: self.position, value: self.value, columns, ..Cloud::default() };
         let brightest = self.colour.iter().flatten().copied().max().unwrap_or(0);
         if brightest > 0 {
             // Colours have 16 bits; many programs write 8 of them, and then all are small.

@@ -61,7 +61,8 @@ pub(super) fn refuse(options: &PointOptions) -> Result<(), ParseError> {
     if *options == PointOptions::default() {
         return Ok(());
     }
-    let expected = "a cloud of points, as `every`, `classes`, `clean`, `radius` or `scannerPosition` is given";
+    let expected =
+        "a cloud of points, as `every`, `classes`, `clean`, `radius`, `scannerPosition` or `colourBy` is given";
     Err(ParseError::byte(0, "a mesh, a capture, a volume or surfels", expected))
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -105,6 +106,23 @@ impl Files {
         }
     }
 
+    /// One range of values for the colours of all files: that of the options, or the least and the greatest value of
+    /// all. `None` where points are not coloured by a column of numbers, or where no point has a value.
+    pub(super) fn find_colour_range(&mut self, numbers: RangeInclusive<i64>) -> Result<Option<[f64; 2]>, ModelError> {
+        let Some(by) = &self.options.points.colour_by else { return Ok(None) };
+        if by.range.is_some() {
+            return Ok(by.range);
+        }
+        let numbers: Vec<i64> = numbers.collect();
+        let of_file = |number: &i64| model::value_range(&self.pattern.path(*number), &self.options);
+        let ranges: Vec<_> = numbers.par_iter().map(of_file).collect::<Result<_, _>>()?;
+        let all = ranges.into_iter().flatten().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        if let Some(by) = &mut self.options.points.colour_by {
+            by.range = all;
+        }
+        Ok(all)
+    }
+
     /// Reads a file without keeping it.
     pub(super) fn read(&self, number: i64) -> Result<(File, Vec<String>), ModelError> {
         read(&self.pattern.path(number), &self.options)
@@ -170,7 +188,7 @@ fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>)
             return Ok((file, why.into_iter().collect()));
         }
         Err(error) => return Err(error),
-        Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes }) => (surfels, notes),
+        Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes, .. }) => (surfels, notes),
         Ok(_) => return Err(ModelError::NoSurfels { path: path.to_owned() }),
     };
     let points = surfels.len();

@@ -84,6 +84,8 @@ pub(crate) struct Opened {
     /// Both sides of its points show.
     pub(crate) two_sided: bool,
     pub(crate) notes: Vec<String>,
+    /// The values of the first and of the last colour, where points are coloured by a column of numbers.
+    pub(crate) colour_range: Option<[f64; 2]>,
 }
 
 impl Sequence {
@@ -97,14 +99,16 @@ impl Sequence {
         options: &model::LoadOptions,
         all_bounds: bool,
     ) -> Result<Opened, ModelError> {
-        let files = Files::new(spec.pattern.clone(), options.clone());
+        let mut files = Files::new(spec.pattern.clone(), options.clone());
         for number in spec.first..=spec.last {
             files.check(number, [spec.first, spec.last])?;
         }
+        let colour_range = files.find_colour_range(spec.first..=spec.last)?;
         let mut opened = Opened {
             sequence: Arc::new(Self { spec, files, bounds: Bounds::default() }),
             two_sided: false,
             notes: Vec::new(),
+            colour_range,
         };
         let Some(sequence) = Arc::get_mut(&mut opened.sequence) else { return Ok(opened) };
         let SequenceSpec { first, last, .. } = sequence.spec;
