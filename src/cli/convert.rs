@@ -7,6 +7,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use glam::DVec3;
 use splatblur::model::{self, LoadedModel, LoadedShape, ModelError};
+use splatblur::scene::Pattern;
 use splatblur::{files, scene_file};
 
 use super::info::{self, InputKind};
@@ -29,13 +30,17 @@ Examples:
   splatblur convert 'scan/*.laz' ground.bin --classes 2 --every 10
   splatblur convert pond.ply pond.bin --radius-scale 2.5
   splatblur convert statue.sfl statue.ply --force
-  splatblur convert truck.glb truck")]
+  splatblur convert truck.glb truck
+  splatblur convert 'frame.%04d.csv' 'fast.%04d.bin' --kind spheres
+  splatblur convert a.csv b.npy c.laz fast/")]
 pub(super) struct Convert {
-    /// Model: .ply, .sfl, .obj, .xyz, .pts, .las, .laz, .e57, .bin; capture: .ply, .splat, .spz, .sog, .glb. Volumes'
-    /// grids (.nrrd) have no surfels. Several clouds of points are one model: 'scan/*.laz', in quotes.
-    #[arg(value_name = "IN")]
-    input: PathBuf,
-    /// File to write, ending in .bin or .ply; of a glTF file also a folder.
+    /// Model: .ply, .sfl, .obj, .xyz, .csv, .txt, .pts, .npy, .npz, .las, .laz, .e57, .bin; capture: .ply, .splat, .spz,
+    /// .sog, .glb. Volumes' grids (.nrrd) have no surfels. Several clouds of points are one model: 'scan/*.laz', in
+    /// quotes. Files of a sequence: 'frame.%04d.csv', if OUT has a number, too; several files, if OUT is a folder.
+    #[arg(value_name = "IN", required = true)]
+    inputs: Vec<PathBuf>,
+    /// File to write, ending in .bin or .ply; with a number, as in fast.%04d.bin, one for each file of a sequence; of
+    /// several files the folder of .bin files; of a glTF file also a folder.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Factor on all splat radii.
@@ -72,20 +77,76 @@ pub(super) struct Convert {
 
 impl Convert {
     pub(super) fn run(&self) -> anyhow::Result<()> {
-        if self.output.extension().is_none() && is_gltf(&self.input) {
-            return self.play();
+        let [input] = &self.inputs[..] else { return self.all(&self.into_folder()?) };
+        if self.output.extension().is_none() && is_gltf(input) {
+            return self.play(input);
         }
-        let binary = binary(&self.output)?;
-        let inputs = model::matching(&self.input)?.unwrap_or_else(|| vec![self.input.clone()]);
-        if let Some(input) = inputs.iter().find(|input| same_file(input, &self.output)) {
+        if self.output.is_dir() || self.output.as_os_str().to_string_lossy().ends_with('/') {
+            return self.all(&self.into_folder()?);
+        }
+        match Pattern::parse(&self.output.to_string_lossy()) {
+            Some(outputs) => self.all(&of_sequence(input, &outputs)?),
+            None => {
+                self.check(input, &self.output)?;
+                self.one(input, &self.output, "")
+            }
+        }
+    }
+
+    /// Several inputs, and their files in a folder.
+    fn into_folder(&self) -> anyhow::Result<Vec<Job>> {
+        if self.output.exists() && !self.output.is_dir() {
+            bail!("several files go into a folder, and {} is a file", self.output.display());
+        }
+        let mut jobs: Vec<Job> = Vec::new();
+        for input in &self.inputs {
+            let Some(stem) = input.file_stem().filter(|_| !input.to_string_lossy().contains('*')) else {
+                bail!("{} is no file", input.display());
+            };
+            let mut name = stem.to_owned();
+            name.push(".bin");
+            let output = self.output.join(name);
+            if let Some((other, _)) = jobs.iter().find(|(_, there)| *there == output) {
+                bail!("{} and {} would both be {}", other.display(), input.display(), output.display());
+            }
+            jobs.push((input.clone(), output));
+        }
+        Ok(jobs)
+    }
+
+    /// Does several jobs, after all were checked.
+    fn all(&self, jobs: &[Job]) -> anyhow::Result<()> {
+        for (input, output) in jobs {
+            self.check(input, output)?;
+        }
+        for (input, output) in jobs {
+            if let Some(folder) = output.parent() {
+                std::fs::create_dir_all(folder).with_context(|| format!("cannot write into {}", folder.display()))?;
+            }
+            self.one(input, output, &format!("{}: ", input.display()))?;
+        }
+        Ok(())
+    }
+
+    /// Finds out before anything is read whether a job can be done.
+    fn check(&self, input: &Path, output: &Path) -> anyhow::Result<()> {
+        binary(output)?;
+        let inputs = model::matching(input)?.unwrap_or_else(|| vec![input.to_owned()]);
+        if let Some(input) = inputs.iter().find(|input| same_file(input, output)) {
             bail!("{} is both IN and OUT", input.display());
         }
-        if !self.force && self.output.symlink_metadata().is_ok() {
-            bail!("{} exists already (--force replaces it)", self.output.display());
+        if !self.force && output.symlink_metadata().is_ok() {
+            bail!("{} exists already (--force replaces it)", output.display());
         }
-        if info::head(&self.input).is_ok_and(|head| info::kind(&head, &self.input) == InputKind::Scene) {
-            bail!("{} is a scene; convert takes a model, such as one that it names", self.input.display());
+        if info::head(input).is_ok_and(|head| info::kind(&head, input) == InputKind::Scene) {
+            bail!("{} is a scene; convert takes a model, such as one that it names", input.display());
         }
+        Ok(())
+    }
+
+    /// Converts one model. `of`: what notes begin with.
+    fn one(&self, input: &Path, output: &Path, of: &str) -> anyhow::Result<()> {
+        let binary = binary(output)?;
         // What it writes holds surfels or spheres.
         let kind = self.kind.or(Some(model::Kind::Surfels));
         if !binary && kind == Some(model::Kind::Spheres) {
@@ -103,39 +164,39 @@ impl Convert {
         };
         let options = model::LoadOptions { kind, radius_scale, colour_space, points, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);
-        let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share));
+        let loaded = model::load(input, &options, &|what, share| progress.step(what, share));
         drop(progress);
         let (surfels, notes) = match loaded {
             Ok(LoadedModel { shape: LoadedShape::Surfels(surfels, _), notes, .. }) => (surfels, notes),
             Ok(_) | Err(ModelError::NoSurfels { .. }) => {
-                let input = self.input.display();
+                let input = input.display();
                 bail!("{input} is a grid of a volume; convert writes surfels, and a volume has none")
             }
             Err(other) => return Err(other.into()),
         };
         if !self.quiet {
             for note in &notes {
-                say(&format!("note: {note}"));
+                say(&format!("note: {of}{note}"));
             }
         }
         let write = if binary { model::write_bin } else { model::write_ply };
-        write(&self.output, &surfels)?;
+        write(output, &surfels)?;
         if self.quiet {
             return Ok(());
         }
         let what = if surfels.spheres { "spheres" } else { "surfels" };
-        print(&format!("{} {what}: {}\n", surfels.len(), self.output.display()))
+        print(&format!("{} {what}: {}\n", surfels.len(), output.display()))
     }
 }
 
 impl Convert {
     /// Makes a folder with a scene that plays a glTF file.
-    fn play(&self) -> anyhow::Result<()> {
+    fn play(&self, input: &Path) -> anyhow::Result<()> {
         let folder = &self.output;
         let inside = |name: &Path| folder.join(name);
         // The copies are those that the scene was made of.
         let (play, copies) = files::steady(|| {
-            let play = scene_file::play(&self.input)?;
+            let play = scene_file::play(input)?;
             // A file that is its own copy stays where it is.
             let others = play.files.iter().filter(|(from, to)| !same_file(from, &inside(to)));
             let bytes =
@@ -160,6 +221,21 @@ impl Convert {
         play.notes.iter().for_each(|note| say(&format!("note: {note}")));
         print(&format!("{} objects: {}\n", play.objects, scene.display()))
     }
+}
+
+/// A file to read, and the one to write.
+type Job = (PathBuf, PathBuf);
+
+/// The files of a sequence that there are, and those to write.
+fn of_sequence(input: &Path, outputs: &Pattern) -> anyhow::Result<Vec<Job>> {
+    let Some(inputs) = Pattern::parse(&input.to_string_lossy()) else {
+        bail!("{outputs} has a number, and {} has none, as in frame.%04d.ply", input.display());
+    };
+    let numbers = inputs.existing().with_context(|| format!("cannot read the folder of {inputs}"))?;
+    if numbers.is_empty() {
+        bail!("there is no file {inputs}");
+    }
+    Ok(numbers.into_iter().map(|number| (inputs.path(number), outputs.path(number))).collect())
 }
 
 /// True for a glTF file by its first bytes.

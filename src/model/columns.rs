@@ -6,14 +6,15 @@
 //!
 //! | what | names |
 //! |---|---|
-//! | position | x y z |
-//! | normal | nx ny nz, normal_x.. |
-//! | colour | red green blue, r g b, diffuse_red.. ; else grey: intensity, quality, grey, gray, scalar_* |
-//! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
+//! | position | x y z, position_x.., pos_x.., points_x.., px py pz |
+//! | normal | nx ny nz, normal_x.., normals_x.. |
+//! | colour | red green blue, r g b, diffuse_red.., colors_x.., color_x.., rgb_x.. ; else grey: intensity, quality, grey, gray, scalar_* |
+//! | cut-off radius | radius, radii, psz, point_size, size, value, scale (a float) |
 //! | axes | tux tuy tuz tvx tvy tvz |
-//! | velocity, acceleration | vx vy vz, velocity_x.. ; ax ay az, acceleration_x.. |
-//! | identity in a sequence | id, particle_id, point_id |
+//! | velocity, acceleration | vx vy vz, velocity_x.., vel_x.., v_x.. ; ax ay az, acceleration_x.., accel_x.. |
+//! | identity in a sequence | id, ids, particle_id, point_id |
 //! | material (ours) | ambient diffuse specular shininess |
+//! | a part of a vector | 0 1 2 in place of x y z, and `:` in place of `_`, as ParaView writes (points:0) |
 //! | opacity | alpha, opacity (not beside f_dc_0 and scale_0) |
 //! | sample of a volume | density; volume |
 
@@ -33,6 +34,31 @@ const MOST_ID: f64 = (1_u64 << 53) as f64;
 
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
+
+/// Names of vectors that are places, before their parts.
+const POSITIONS: [&str; 8] = ["", "points_", "position_", "positions_", "pos_", "p", "xyz_", "coords_"];
+
+/// The ways in which the parts of a vector are named.
+fn parts(name: &str) -> impl Iterator<Item = [String; 3]> {
+    let with = |name: &str, ends: [&str; 3]| ends.map(|end| format!("{name}{end}"));
+    let letters = ["x", "y", "z"];
+    let numbers = ["0", "1", "2"];
+    let stem = name.strip_suffix('_');
+    let colon = stem.map(|stem| format!("{stem}:"));
+    let more = colon.map(|colon| [with(name, numbers), with(&colon, numbers), with(&colon, letters)]);
+    std::iter::once(with(name, letters)).chain(more.into_iter().flatten())
+}
+
+/// Has a table with these names places?
+pub(super) fn has_places(names: &[String]) -> bool {
+    let has = |part: &String| names.contains(part);
+    POSITIONS.iter().any(|name| parts(name).any(|parts| parts.iter().all(has)))
+}
+
+/// Is this the name of a part of a place?
+pub(super) fn is_place(name: &str) -> bool {
+    POSITIONS.iter().any(|vector| parts(vector).flatten().any(|part| part == name))
+}
 
 /// Places of the columns of a cloud in a record: indices of the wanted numbers.
 pub(super) struct Columns {
@@ -70,11 +96,12 @@ impl Columns {
         notes: &mut Vec<String>,
     ) -> Result<Self, ParseError> {
         let position = finder.position()?;
-        let normal = finder.take_first(&[["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]]);
+        let normal = finder.take_vector(&["n", "normal_", "normals_"]);
         let normal_type = normal.map(|n| finder.one_type(n).unwrap_or(Scalar::F64));
         let colour_names =
             [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
         let colour = finder.take_first(&colour_names);
+        let colour = colour.or_else(|| finder.take_vector(&["colors_", "color_", "colours_", "colour_", "rgb_"]));
         let mut colour_type = match colour.map(|c| finder.one_type(c)) {
             Some(Err([one, other])) => {
                 let found = format!("colour channels of types {} and {}", one.name(), other.name());
@@ -83,14 +110,13 @@ impl Columns {
             known => known.and_then(Result::ok),
         };
         let axes = finder.take(["tux", "tuy", "tuz", "tvx", "tvy", "tvz"]);
-        let mut radius = finder.take_first(&[["radius"], ["psz"], ["point_size"], ["size"], ["value"]]);
+        let mut radius = finder.take_first(&[["radius"], ["radii"], ["psz"], ["point_size"], ["size"], ["value"]]);
         if radius.is_none() && !finder.has("scale_0") {
             radius = finder.take(["scale"]).filter(|s| finder.scalar(s[0]).is_float());
         }
-        let velocity = finder.take_first(&[["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]]);
-        let acceleration = [["ax", "ay", "az"], ["acceleration_x", "acceleration_y", "acceleration_z"]];
-        let acceleration = finder.take_first(&acceleration);
-        let id = finder.take_first(&[["id"], ["particle_id"], ["point_id"]]).map(|s| s[0]);
+        let velocity = finder.take_vector(&["v", "velocity_", "velocities_", "vel_", "v_"]);
+        let acceleration = finder.take_vector(&["a", "acceleration_", "accelerations_", "accel_", "acc_"]);
+        let id = finder.take_first(&[["id"], ["ids"], ["particle_id"], ["point_id"]]).map(|s| s[0]);
         let material = MATERIAL.map(|name| finder.take([name]).map(|s| s[0]));
         // What stands beside the columns of a capture is the logit of one, even where others of them are missing.
         let logit = finder.has("f_dc_0") && finder.has("scale_0");
@@ -223,9 +249,24 @@ impl<'a> Finder<'a> {
     /// # Errors
     /// One is missing.
     pub(super) fn position(&mut self) -> Result<[usize; 3], ParseError> {
-        self.take(["x", "y", "z"]).ok_or_else(|| {
+        self.take_vector(&POSITIONS).ok_or_else(|| {
             let found = format!("an element `{}` without x, y and z", self.element.name);
             ParseError::line(self.element.line, found, "numbers x, y and z")
+        })
+    }
+
+    /// Indices of the parts of a vector: those that the first of some names has.
+    fn take_vector(&mut self, names: &[&str]) -> Option<[usize; 3]> {
+        names.iter().find_map(|name| self.parts_of(name).and_then(|parts| self.take(parts)))
+    }
+
+    /// The columns of a vector: `name` followed by x, y and z, or by 0, 1 and 2 where it ends in `_`, for which `:` may
+    /// stand.
+    fn parts_of(&self, name: &str) -> Option<[&'a str; 3]> {
+        parts(name).find_map(|parts| {
+            let known = parts.map(|part| self.by_name.get_key_value(part.as_str()).map(|(name, _)| *name));
+            let [Some(x), Some(y), Some(z)] = known else { return None };
+            Some([x, y, z])
         })
     }
 
@@ -266,7 +307,8 @@ impl<'a> Finder<'a> {
 
     /// Type of x; a float of 32 bits only if y and z are, too.
     pub(super) fn position_type(&self) -> Scalar {
-        let [x, y, z] = ["x", "y", "z"].map(|name| self.by_name.get(name).map_or(Scalar::F64, |(_, kind)| *kind));
+        let parts = POSITIONS.iter().find_map(|name| self.parts_of(name));
+        let [x, y, z] = parts.unwrap_or_default().map(|name| self.by_name.get(name).map_or(Scalar::F64, |(_, k)| *k));
         if x == y && y == z { x } else { Scalar::F64 }
     }
 

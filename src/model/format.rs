@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::KNOWN_FORMATS;
-use super::xyz;
+use super::{archive, npy, xyz};
 use crate::gltf;
 
 /// The first bytes of our own format. They are not text, so a transfer that changes line ends is noticed.
@@ -36,6 +36,10 @@ pub enum ModelFormat {
     Gltf,
     /// Regular grids of a volume's values: NRRD with its data in the same file.
     Nrrd,
+    /// Points in an array of `NumPy`.
+    Npy,
+    /// Points in several arrays of `NumPy`. Needs the Cargo feature `formats`.
+    Npz,
     /// Points of laser scanners: LAS, LAZ and COPC. Needs the Cargo feature `formats`.
     Las,
     /// Points of laser scanners: E57, which may hold several scans. Needs the Cargo feature `formats`.
@@ -55,8 +59,10 @@ impl ModelFormat {
             Some(Self::Sfl)
         } else if bytes.starts_with(b"ply") && bytes.get(3).is_none_or(u8::is_ascii_whitespace) {
             Some(Self::Ply)
+        } else if bytes.starts_with(npy::MAGIC) {
+            Some(Self::Npy)
         } else if bytes.starts_with(b"PK\x03\x04") {
-            Some(Self::Sog)
+            Some(if archive::begins_with_npy(bytes) { Self::Npz } else { Self::Sog })
         } else if bytes.starts_with(b"NGSP") || bytes.starts_with(b"\x1f\x8b") {
             // Older versions of SPZ are gzip, which no other format is.
             Some(Self::Spz)

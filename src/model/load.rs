@@ -15,7 +15,7 @@ use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
 use super::surfels::{KeptLevels, Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, colour_by, inward, obj, ply, scan, several, sfl, spheres, tidy, xyz};
+use super::{arrays, bin, colour_by, inward, obj, ply, scan, several, sfl, spheres, tidy, xyz};
 use crate::files;
 use crate::math::srgb;
 
@@ -530,6 +530,8 @@ fn read(
         ModelFormat::Gltf => return Err(ParseError::byte(0, "a glTF text without triangles", "triangles")),
         ModelFormat::Bin => ModelContent::Surfels(bin::parse(bytes)?),
         ModelFormat::Nrrd => ModelContent::Grid(volume::parse_nrrd(bytes, progress)?),
+        ModelFormat::Npy => ModelContent::Cloud(arrays::parse_npy(bytes, by, progress)?),
+        ModelFormat::Npz => ModelContent::Cloud(arrays::parse_npz(bytes, by, progress)?),
         ModelFormat::Las => ModelContent::Cloud(scan::parse_las(bytes, points, progress)?),
         ModelFormat::E57 => ModelContent::Cloud(scan::parse_e57(bytes, points, progress)?),
     };

@@ -6,7 +6,9 @@
 //! `surfels`. A mesh (`mesh`) is sampled to surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
 //! `load` does all this. `normalisation` is computed when it is asked for.
 
+mod archive;
 mod area_normals;
+mod arrays;
 mod bin;
 mod bin_columns;
 mod bin_stream;
@@ -30,6 +32,7 @@ pub mod mesh;
 mod neighbours;
 mod normalisation;
 mod normals;
+mod npy;
 mod obj;
 mod options;
 mod order;
@@ -72,6 +75,7 @@ pub use format::ModelFormat;
 pub(crate) use inward::INWARD;
 pub use load::{LoadedModel, LoadedShape, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub(crate) use load::{ReadFile, open, value_range};
+pub(crate) use neighbours::Tree as PointTree;
 pub use options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
 #[cfg(feature = "formats")]
 pub use scan::{Scan, ScanFacts, scan_facts};

@@ -70,21 +70,21 @@ impl RTreeParams for Wide {
 }
 
 /// A tree of points (an R*-tree, crate `rstar`).
-pub(super) struct Tree(RTree<Point, Wide>);
+pub(crate) struct Tree(RTree<Point, Wide>);
 
 impl Tree {
     /// Builds the tree of (position, index) pairs. Positions must be finite.
     ///
     /// Points that are near each other should be near in the order too, as along a Morton curve. If points of one line
     /// or plane come in any order, searches take about twenty times as long.
-    pub(super) fn new(points: impl Iterator<Item = (Vec3, u32)>) -> Self {
+    pub(crate) fn new(points: impl Iterator<Item = (Vec3, u32)>) -> Self {
         let points = points.map(|(p, index)| Point::new(p.as_dvec3().to_array(), index));
         Self(RTree::bulk_load_with_params(points.collect()))
     }
 
     /// Fills `found` with the squared distances and indices of the (at most) `count` points nearest to `p`. The nearest
     /// is first; among equals the lower index is first. A point of index `except` does not count.
-    pub(super) fn nearest(&self, p: Vec3, except: u32, count: usize, found: &mut Vec<(f64, u32)>) {
+    pub(crate) fn nearest(&self, p: Vec3, except: u32, count: usize, found: &mut Vec<(f64, u32)>) {
         found.clear();
         for (point, square) in self.0.nearest_neighbor_iter_with_distance_2(p.as_dvec3().to_array()) {
             // All that are as far as the last one are found, and then the lowest indices are kept.

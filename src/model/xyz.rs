@@ -1,8 +1,8 @@
 //! Points as lines of numbers: `.xyz`, and `.pts` with a line that counts them.
 //!
-//! There is no standard. Words stand between blanks, commas or semicolons; `#` and `//` begin a comment; blank lines do
-//! not count. Where columns of an `.xyz` have names, these decide (`xyz_names`). Else all points of a file have the
-//! same columns:
+//! There is no standard. Words stand between blanks, commas, semicolons, tabs or `|`; `#` and `//` begin a comment;
+//! blank lines do not count. Where columns of an `.xyz` have names, these decide (`xyz_names`), and the mark between
+//! them stands between words, which may be empty. Else all points of a file have the same columns:
 //!
 //! | numbers of a line | `.xyz` | `.pts` |
 //! |---|---|---|
@@ -46,8 +46,8 @@ pub(super) fn looks_like(bytes: &[u8]) -> Option<TextKind> {
     // A line that is cut off here may be cut in a word.
     let whole = if head.len() < bytes.len() { head.iter().rposition(|&b| b == b'\n').unwrap_or(0) } else { head.len() };
     let head = &head[..whole];
-    if let Some((names, rest)) = names(head).ok().flatten() {
-        let points = lines(head.get(rest..)?, 1, xyz_names::MOST).next();
+    if let Some((names, mark, rest)) = names(head).ok().flatten() {
+        let points = rows(head.get(rest..)?, 1, mark).next();
         return points.filter(|(_, words)| names.fit(words)).map(|_| TextKind::Xyz);
     }
     let mut lines = lines(head, 1, WIDEST).map(|(_, words)| words);
@@ -72,7 +72,7 @@ pub(super) fn parse(
     progress: &dyn Fn(f32),
 ) -> Result<Cloud, ParseError> {
     if kind == TextKind::Xyz
-        && let Some((names, rest)) = names(bytes)?
+        && let Some((names, mark, rest)) = names(bytes)?
     {
         let body = bytes.get(rest..).unwrap_or_default();
         let first = line_of(bytes, rest);
@@ -81,7 +81,7 @@ pub(super) fn parse(
                 progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
             }
         };
-        return xyz_names::parse(&names, lines(body, first, xyz_names::MOST), by, &told);
+        return xyz_names::parse(&names, rows(body, first, mark), by, &told);
     }
     let mut table = Table::default();
     let mut cloud = Cloud::default();
@@ -111,6 +111,30 @@ pub(super) fn parse(
     Ok(cloud)
 }
 
+/// Points of rows of numbers whose columns have no names. `value`: the number of a row and a column, both from 0.
+///
+/// # Errors
+/// There are no such columns, or a colour is outside 0..=255. It names the row as a line, from 1.
+pub(super) fn of_numbers(
+    [rows, columns]: [usize; 2],
+    value: impl Fn(usize, usize) -> f64,
+    progress: &dyn Fn(f32),
+) -> Result<Cloud, ParseError> {
+    let mut table = Table::default();
+    table.begin(TextKind::Xyz, 1, columns)?;
+    for row in 0..rows {
+        if (row as u64).is_multiple_of(REPORT) {
+            progress(row as f32 / rows as f32);
+        }
+        let mut values = [0.0; WIDEST];
+        values.iter_mut().take(columns).enumerate().for_each(|(column, place)| *place = value(row, column));
+        table.add(row as u64 + 1, &values);
+    }
+    let mut cloud = Cloud::default();
+    table.fill(TextKind::Xyz, &mut cloud)?;
+    Ok(cloud)
+}
+
 /// The count that stands in a line of its own.
 fn announced(words: &[&[u8]], line: u64) -> Result<u64, ParseError> {
     match *words {
@@ -129,25 +153,29 @@ fn offset(bytes: &[u8], word: &[u8]) -> usize {
     (word.as_ptr() as usize).saturating_sub(bytes.as_ptr() as usize)
 }
 
-/// The names of the columns, and the byte at which the points below them begin; `None` for a text without names.
+/// The names of the columns, the mark between them if it is no blank, and the byte at which the points below them
+/// begin; `None` for a text without names.
 ///
 /// Names stand in the first line with words, if none of these is a number. Else they stand in the last comment before
 /// it that fits it, x, y and z among them.
 ///
 /// # Errors
 /// The first line has three words or more, none is a number, and x, y or z is not among them.
-fn names(bytes: &[u8]) -> Result<Option<(Names, usize)>, ParseError> {
+fn names(bytes: &[u8]) -> Result<Option<(Names, Option<u8>, usize)>, ParseError> {
     let mut in_comment = None;
     for Line { number: line, begin, end, text, comment } in Lines::new(bytes, 1) {
         let found = words(text, xyz_names::MOST);
         if found.is_empty() {
-            in_comment = Names::of_comment(&words(comment, xyz_names::MOST), line).or(in_comment);
+            let named = Names::of_comment(&words(comment, xyz_names::MOST), line);
+            in_comment = named.map(|names| (names, mark(comment))).or(in_comment);
             continue;
         }
         if found.len() >= 3 && found.iter().all(|word| number(word).is_none()) {
-            return Ok(Some((Names::of_line(&found, line)?, end)));
+            let mark = mark(text);
+            return Ok(Some((Names::of_line(&cells(text, mark), line)?, mark, end)));
         }
-        return Ok(in_comment.filter(|names| names.fit(&found)).map(|names| (names, begin)));
+        let fitting = in_comment.filter(|(names, mark)| names.fit(&cells(text, *mark)));
+        return Ok(fitting.map(|(names, mark)| (names, mark, begin)));
     }
     Ok(None)
 }
@@ -160,9 +188,40 @@ fn lines(bytes: &[u8], first: u64, most: usize) -> impl Iterator<Item = (u64, Ve
         .filter(|(_, words)| !words.is_empty())
 }
 
+/// Rows of a table whose columns have names: lines with words, as (line number, words).
+fn rows(bytes: &[u8], first: u64, mark: Option<u8>) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
+    Lines::new(bytes, first)
+        .filter(|line| !line.text.trim_ascii().is_empty())
+        .map(move |line| (line.number, cells(line.text, mark)))
+        .filter(|(_, words)| !words.is_empty())
+}
+
+/// The mark between the names of columns; `None` for blanks.
+fn mark(names: &[u8]) -> Option<u8> {
+    [b',', b';', b'\t', b'|'].into_iter().find(|mark| names.contains(mark))
+}
+
+/// Words of a row of a table. Where a mark stands between its names, what is between two marks is one word, without
+/// blanks at its ends and without quotes, and may be empty.
+fn cells(text: &[u8], mark: Option<u8>) -> Vec<&[u8]> {
+    let Some(mark) = mark.filter(|mark| text.contains(mark)) else { return words(text, xyz_names::MOST) };
+    let mut quoted = false;
+    let apart = |b: &u8| {
+        quoted ^= *b == b'"';
+        *b == mark && !quoted
+    };
+    text.split(apart)
+        .take(xyz_names::MOST + 1)
+        .map(|word| {
+            let word = word.trim_ascii();
+            word.strip_prefix(b"\"").and_then(|word| word.strip_suffix(b"\"")).unwrap_or(word)
+        })
+        .collect()
+}
+
 /// Words of a line.
 fn words(text: &[u8], most: usize) -> Vec<&[u8]> {
-    let apart = |b: &u8| b.is_ascii_whitespace() || *b == b',' || *b == b';';
+    let apart = |b: &u8| b.is_ascii_whitespace() || matches!(b, b',' | b';' | b'|');
     text.split(apart).filter(|word| !word.is_empty()).take(most + 1).collect()
 }
 
@@ -273,23 +332,34 @@ impl Table {
         for (value, word) in values.iter_mut().zip(words) {
             *value = number(word).ok_or_else(|| ParseError::line(line, quote(word), "a number"))?;
         }
+        self.begin(kind, line, words.len())?;
+        self.add(line, &values);
+        Ok(())
+    }
+
+    /// Checks the number of columns of a line: the first decides.
+    fn begin(&mut self, kind: TextKind, line: u64, count: usize) -> Result<(), ParseError> {
         if self.columns == 0 {
             let known = match kind {
-                TextKind::Xyz => matches!(words.len(), 3 | 4 | 6 | 7 | 9),
-                TextKind::Pts => matches!(words.len(), 3 | 4 | 6 | 7),
+                TextKind::Xyz => matches!(count, 3 | 4 | 6 | 7 | 9),
+                TextKind::Pts => matches!(count, 3 | 4 | 6 | 7),
             };
             if !known {
                 let expected = match kind {
                     TextKind::Xyz => "x y z and then an intensity, a normal, a colour (3, 4, 6, 7 or 9 numbers)",
                     TextKind::Pts => "x y z [intensity] [r g b] (3, 4, 6 or 7 numbers)",
                 };
-                return Err(ParseError::line(line, shown(words), expected));
+                return Err(ParseError::line(line, shown(count), expected));
             }
-            (self.columns, self.decided) = (words.len(), line);
-        } else if words.len() != self.columns {
+            (self.columns, self.decided) = (count, line);
+        } else if count != self.columns {
             let expected = format!("{} numbers, as in line {}", self.columns, self.decided);
-            return Err(ParseError::line(line, shown(words), expected));
+            return Err(ParseError::line(line, shown(count), expected));
         }
+        Ok(())
+    }
+
+    fn add(&mut self, line: u64, values: &[f64; WIDEST]) {
         self.position.push(DVec3::new(values[0], values[1], values[2]));
         let narrow = values.map(|x| x as f32);
         let rest = &narrow[3..self.columns];
@@ -298,7 +368,6 @@ impl Table {
             triple.add(v, line);
         }
         self.rest.extend_from_slice(rest);
-        Ok(())
     }
 
     /// Gives the columns their meaning.
@@ -348,10 +417,10 @@ impl Table {
 }
 
 /// A line for a message.
-fn shown(words: &[&[u8]]) -> String {
-    match *words {
-        [_] => "one number".to_owned(),
-        _ if words.len() > WIDEST => format!("more than {WIDEST} numbers"),
-        _ => format!("{} numbers", words.len()),
+fn shown(count: usize) -> String {
+    match count {
+        1 => "one number".to_owned(),
+        _ if count > WIDEST => format!("more than {WIDEST} numbers"),
+        _ => format!("{count} numbers"),
     }
 }

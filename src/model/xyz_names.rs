@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::cloud::{Cloud, ColourStorage};
 use super::colour_by::ColourBy;
-use super::columns::{Columns, Finder, list};
+use super::columns::{Columns, Finder, has_places, is_place, list};
 use super::error::{ParseError, quote};
 use super::ply_body::number;
 use super::ply_header::{Element, Property, PropertyKind, Scalar};
@@ -36,13 +36,14 @@ impl Names {
         if names.len() > MOST {
             return fault(format!("more than {MOST} names of columns"), "at most as many");
         }
-        let lacks = ["x", "y", "z"].into_iter().find(|axis| !names.iter().any(|name| name == axis));
-        if let Some(axis) = lacks {
+        if !has_places(&names) {
+            let axis = ["x", "y", "z"].into_iter().find(|axis| !names.iter().any(|name| name == axis)).unwrap_or("z");
             let shown = list(&names.iter().map(String::as_str).collect::<Vec<_>>());
             return fault(format!("names of columns without {axis} ({shown})"), "x, y and z among them");
         }
         let mut known = HashSet::new();
-        if let Some(name) = names.iter().find(|name| !known.insert(name.as_str())) {
+        // The first column of a table of pandas has none: the numbers of rows.
+        if let Some(name) = names.iter().find(|name| !name.is_empty() && !known.insert(name.as_str())) {
             return fault(format!("two columns {}", quote(name.as_bytes())), "different names");
         }
         let property = |name: String| Property { name, kind: PropertyKind::Scalar(Scalar::F64) };
@@ -57,16 +58,18 @@ impl Names {
 
     /// True for a line of a point: as many words as there are names, and numbers for x, y and z.
     pub(super) fn fit(&self, words: &[&[u8]]) -> bool {
-        let is_place = |name: &str| matches!(name, "x" | "y" | "z");
         let properties = &self.element.properties;
         words.len() == properties.len()
-            && properties.iter().zip(words).all(|(p, word)| !is_place(&p.name) || number(word).is_some())
+            && properties
+                .iter()
+                .zip(words)
+                .all(|(p, word)| !is_place(&p.name) || word.is_empty() || number(word).is_some())
     }
 }
 
 /// A name as the list of names has it: in lower case, without quotes.
 fn name(word: &[u8]) -> String {
-    String::from_utf8_lossy(word).trim_matches(['"', '\'']).to_lowercase()
+    String::from_utf8_lossy(word).trim_matches(['"', '\'']).trim().to_lowercase()
 }
 
 /// Reads the points below the names of their columns.
@@ -91,6 +94,9 @@ pub(super) fn parse<'a>(
     let mut values = vec![0.0; finder.wanted()];
     for (line, words) in lines {
         progress(line, &words);
+        // Some programs end each row with a mark.
+        let words =
+            words.strip_suffix(&[&b""[..]]).filter(|fewer| fewer.len() == element.properties.len()).unwrap_or(&words);
         if words.len() != element.properties.len() {
             let expected = format!("{}, as line {} names them", element.properties.len(), element.line);
             return Err(ParseError::line(line, format!("{} words", words.len()), expected));
@@ -98,7 +104,9 @@ pub(super) fn parse<'a>(
         for ((word, index), property) in words.iter().zip(finder.indices()).zip(&element.properties) {
             let Some(index) = *index else { continue };
             let of = |e: ParseError| e.of(&format!("`{}`", property.name));
-            let value = number(word).ok_or_else(|| of(ParseError::line(line, quote(word), "a number")))?;
+            // What a table leaves empty is no number.
+            let value = if word.is_empty() { Some(f64::NAN) } else { number(word) };
+            let value = value.ok_or_else(|| of(ParseError::line(line, quote(word), "a number")))?;
             if let Some(expected) = columns.fault(index, value) {
                 return Err(of(ParseError::line(line, value.to_string(), expected)));
             }

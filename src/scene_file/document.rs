@@ -463,7 +463,7 @@ fn shape(model: &Part<'_>) -> Result<ShapeSpec, SceneError> {
     /// Most files of a sequence: looking for each takes time.
     const MOST_FILES: i64 = 100_000;
     let Some(text) = model.text("sequence")? else {
-        let idle = ["first", "last", "offset", "rate"].into_iter().find(|name| model.given(name));
+        let idle = ["first", "last", "offset", "rate", "match"].into_iter().find(|name| model.given(name));
         return match idle {
             Some(name) => Err(model.bad(name, &"without `sequence`", "`sequence` and no text, or neither".to_owned())),
             None => Ok(ShapeSpec::Model(model.file())),
@@ -485,7 +485,8 @@ fn shape(model: &Part<'_>) -> Result<ShapeSpec, SceneError> {
     }
     let file = FileRef { text: pattern.path(first).to_string_lossy().into_owned(), ..model.file() };
     let (offset, rate) = (model.number("offset")?, model.optional_number("rate")?.unwrap_or(1.0));
-    Ok(ShapeSpec::Sequence(SequenceSpec { pattern, first, last, offset, rate }, file))
+    let match_within = model.optional_number("match")?;
+    Ok(ShapeSpec::Sequence(SequenceSpec { pattern, first, last, offset, rate, match_within }, file))
 }
 
 fn transfer(source: &Source, element: &Element) -> Result<TransferFunction, SceneError> {

@@ -465,6 +465,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             row("rate", ValueKind::Number(Range(1e-6, 1e6)), Auto("1"), "files of a sequence per frame"),
             row(
+                "match",
+                ValueKind::Number(limits::LENGTH),
+                Auto("points without `id` are matched by row"),
+                "distance within which nearest points of two files without `id` are the same, model units",
+            ),
+            row(
                 "reduce",
                 ValueKind::Boolean,
                 Value("true"),

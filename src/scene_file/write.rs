@@ -346,6 +346,7 @@ impl Xml {
             ("offset", number(spec.offset)),
             ("rate", number(spec.rate)),
         ]);
+        attributes.extend(spec.match_within.map(|within| ("match", number(within))));
         self.line(2, "pointModel", &attributes);
     }
 

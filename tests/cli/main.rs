@@ -7,7 +7,9 @@ mod support;
 #[allow(clippy::unwrap_used, clippy::expect_used, clippy::cast_lossless, reason = "tests may stop")]
 mod saved;
 
+mod coloured;
 mod compare;
+mod convert;
 mod dataset;
 mod environments;
 mod gpu;

@@ -85,7 +85,7 @@ fn line(command: &str) -> Vec<(&'static str, &'static str)> {
         "compare" => vec![("a", "a.png"), ("b", "b.png")],
         "wipe" => vec![("a", "a.png"), ("b", "b.png"), ("--out", "wipe.gif")],
         "thesis" => vec![("--out", "thesis")],
-        "convert" => vec![("input", "three.xyz"), ("output", "other.ply")],
+        "convert" => vec![("inputs", "three.xyz"), ("output", "other.ply")],
         "sample" => vec![("input", "square.obj"), ("output", "other.ply")],
         "generate" => vec![("model", "ball"), ("output", "other.ply")],
         "man" => vec![("--out", "man")],

@@ -36,11 +36,13 @@ impl Seed {
 }
 
 /// Folders of the corpus whose files are models, and the name that each gets.
-const MODELS: [(&str, &str); 13] = [
+const MODELS: [(&str, &str); 15] = [
     ("bin", "input.bin"),
     ("glb", "input.glb"),
     ("gltf", "input.glb"),
     ("mesh_obj", "input.obj"),
+    ("npy", "input.npy"),
+    ("npz", "input.npz"),
     ("nrrd", "input.nrrd"),
     ("obj", "input.obj"),
     ("ply", "input.ply"),

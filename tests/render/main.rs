@@ -6,6 +6,7 @@ mod support;
 mod auto;
 mod captures;
 mod closed_forms;
+mod coloured;
 mod contact;
 mod dataset;
 mod detail;

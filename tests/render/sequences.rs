@@ -357,3 +357,40 @@ fn what_is_wrong_with_a_sequence_is_said() {
         assert!(e.contains(want), "{attributes}: {e}");
     }
 }
+
+/// Points without identities, of which each file lacks others, are matched by their places: the picture is that of
+/// identities.
+#[test]
+fn nearest_points_are_the_same() {
+    let mut random = Random(5);
+    let discs = (0..64).map(|i| {
+        let place = DVec3::new(f64::from(i % 8) - 3.5, f64::from(i / 8) - 3.5, 0.0) * 0.4;
+        (place, DVec3::Z, 0.15, Vec3::new(random.next() as f32, random.next() as f32, 1.0))
+    });
+    let mut model = round_surfels(discs.collect::<Vec<_>>());
+    model.velocity_unit = VelocityUnit::Frame;
+    model.id = (0..64).collect();
+    // Three eighths of the distance between them in a frame, and a little of its own for each.
+    for _ in 0..64 {
+        model.velocity.push(Vec3::new(0.15, 0.0, 0.01 * random.next() as f32));
+    }
+    let lacking = |t: i64| -> Surfels {
+        let kept: Vec<usize> = (0..64).filter(|i| i % 7 != t as usize).collect();
+        Surfels { velocity: Vec::new(), ..shuffled(&picked(&at(&model, t as f32), &kept), 9 + t as u64) }
+    };
+    let by_id: Vec<Surfels> = [1, 2, 3].map(lacking).into();
+    let without: Vec<Surfels> = by_id.iter().map(|file| Surfels { id: Vec::new(), ..file.clone() }).collect();
+    let options = options("supersample:8", Prefilter::None);
+    let (_a, truth) = scene_of(&by_id, "");
+    let (_b, matched) = scene_of(&without, "match='0.19'");
+    for frame in [1, 2, 3] {
+        assert_eq!(render(&matched, frame, &options).rgba, render(&truth, frame, &options).rgba, "frame {frame}");
+    }
+    // What is farther apart is not the same: all are born and die at rest.
+    let (_c, apart) = scene_of(&without, "match='0.1'");
+    let moves = rms(&render(&truth, 2, &options), &render(&apart, 2, &options));
+    assert!(moves > 0.01, "{moves}");
+    // Without it nothing says how they move.
+    let (_d, refused) = scene_of(&without, "");
+    assert!(render_frame(&mut Cpu::default(), &refused, 2, &options).is_err());
+}

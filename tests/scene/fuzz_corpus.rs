@@ -22,7 +22,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 type Read = fn(&Path) -> anyhow::Result<()>;
 
 /// Target (a folder of the corpus), extension that the file is read under, reader.
-const TARGETS: [(&str, &str, Read); 19] = [
+const TARGETS: [(&str, &str, Read); 21] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
     ("e57", "e57", |path| read_model(path)),
@@ -32,6 +32,8 @@ const TARGETS: [(&str, &str, Read); 19] = [
     ("las", "las", |path| read_model(path)),
     ("mesh_obj", "obj", |path| read_mesh(path)),
     ("mtl", "mtl", |path| read_library(path)),
+    ("npy", "npy", |path| read_model(path)),
+    ("npz", "npz", |path| read_model(path)),
     ("nrrd", "nrrd", |path| read_volume(path)),
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
@@ -45,7 +47,7 @@ const TARGETS: [(&str, &str, Read); 19] = [
 ];
 
 /// Targets that need the Cargo feature `formats`.
-const OF_FORMATS: [&str; 4] = ["e57", "las", "sog", "spz"];
+const OF_FORMATS: [&str; 5] = ["e57", "las", "npz", "sog", "spz"];
 
 fn read_model(path: &Path) -> anyhow::Result<()> {
     let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;

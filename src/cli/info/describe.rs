@@ -584,7 +584,7 @@ mod tests {
 
     #[test]
     fn a_model_is_counted_and_measured() {
-        let of = |surfels, notes| LoadedModel { shape: LoadedShape::Surfels(surfels, None), notes };
+        let of = |surfels, notes| LoadedModel { shape: LoadedShape::Surfels(surfels, None), notes, colour_range: None };
         let report = model_file(&of(square(), vec!["normals estimated".to_owned()]));
         assert_eq!(report["model"]["surfels"], 3);
         assert_eq!(report["model"]["radius"], json!({ "min": 1.0, "median": 2.0, "max": 3.0 }));

@@ -3,18 +3,18 @@
 //! Pictures of one colour take a few bytes whatever their size, so every size is held against the number of Gaussians
 //! before anything is inflated, and that number against the size of the file.
 
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 
 use glam::Vec3;
 use image::codecs::webp::WebPDecoder;
 use image::{ImageDecoder as _, ImageError};
 use serde::Deserialize;
 use serde_json::Value;
-use zip::ZipArchive;
 
 use super::smallest_three;
 use super::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of};
 use crate::files;
+use crate::model::archive::Archive;
 use crate::model::error::{ParseError, quote};
 
 /// Largest `meta.json` that is read, bytes. Real ones have a few tens of thousands.
@@ -79,8 +79,8 @@ struct Palette {
 /// lossless WebP, or has another size than the number of Gaussians asks for.
 pub(in crate::model) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Gaussians, ParseError> {
     const REPORT: usize = 1 << 16;
-    let mut archive = Archive::open(bytes)?;
-    let (at, meta) = read_meta(&mut archive)?;
+    let mut archive = Pictures(Archive::open(bytes, "a SOG capture")?);
+    let (at, meta) = read_meta(&mut archive.0)?;
     let Meta { count, means, .. } = &meta;
     let count = *count;
     if count > bytes.len() {
@@ -133,8 +133,8 @@ fn read_meta(archive: &mut Archive<'_>) -> Result<(usize, Meta), ParseError> {
     struct Version {
         version: Option<Value>,
     }
-    if archive.zip.index_for_name("meta.json").is_none() {
-        let streamed = archive.zip.index_for_name("lod-meta.json").is_some();
+    if !archive.has("meta.json") {
+        let streamed = archive.has("lod-meta.json");
         let found = if streamed { "a streamed SOG (lod-meta.json)" } else { "a zip archive without meta.json" };
         return Err(ParseError::byte(0, found, "a SOG capture with meta.json"));
     }
@@ -178,7 +178,7 @@ struct Harmonics {
 }
 
 impl Harmonics {
-    fn read(archive: &mut Archive<'_>, at: usize, palette: &Palette, count: usize) -> Result<Self, ParseError> {
+    fn read(archive: &mut Pictures<'_>, at: usize, palette: &Palette, count: usize) -> Result<Self, ParseError> {
         let Palette { count: sets, bands: degree, ref codebook, ref files } = *palette;
         if !(1..=3).contains(&degree) {
             return Err(ParseError::byte(at, format!("{degree} bands of harmonics in meta.json"), "1, 2 or 3"));
@@ -248,40 +248,10 @@ impl BytePixels {
     }
 }
 
-struct Archive<'a> {
-    zip: ZipArchive<Cursor<&'a [u8]>>,
-}
+/// The pictures of an archive.
+struct Pictures<'a>(Archive<'a>);
 
-impl<'a> Archive<'a> {
-    fn open(bytes: &'a [u8]) -> Result<Self, ParseError> {
-        let zip = ZipArchive::new(Cursor::new(bytes));
-        let fault = |e| ParseError::byte(0, format!("a damaged zip archive ({e})"), "a SOG capture");
-        Ok(Self { zip: zip.map_err(fault)? })
-    }
-
-    /// Where an entry begins, and its content of at most `most` bytes.
-    fn entry(&mut self, name: &str, most: usize) -> Result<(usize, Vec<u8>), ParseError> {
-        let shown = quote(name.as_bytes());
-        let mut entry = self.zip.by_name(name).map_err(|e| {
-            ParseError::byte(
-                0,
-                format!("an archive with no readable entry {shown} ({e})"),
-                "the files of a SOG capture",
-            )
-        })?;
-        let at = entry.data_start().map_or(0, |at| at as usize);
-        let too_long =
-            |size: &str| ParseError::byte(at, format!("an entry {shown} of {size} bytes"), format!("at most {most}"));
-        if entry.size() > most as u64 {
-            return Err(too_long(&entry.size().to_string()));
-        }
-        // What the archive says of the size may be less than what comes.
-        let mut content = Vec::new();
-        let read = entry.by_ref().take(most as u64 + 1).read_to_end(&mut content);
-        read.map_err(|e| ParseError::byte(at, format!("a damaged entry {shown} ({e})"), "what its checksum says"))?;
-        if content.len() > most { Err(too_long("more")) } else { Ok((at, content)) }
-    }
-
+impl Pictures<'_> {
     /// A picture with a pixel for each Gaussian.
     fn of_gaussians(&mut self, name: &str, count: usize) -> Result<BytePixels, ParseError> {
         let most = 2 * count + SPARE_PIXELS;
@@ -303,7 +273,7 @@ impl<'a> Archive<'a> {
             return Err(ParseError::byte(0, format!("a file name {shown} in meta.json"), "a plain name"));
         }
         // Compressed pixels are hardly larger than plain ones; the rest is for what else the container may hold.
-        let (at, content) = self.entry(name, 8 * most + SPARE_PIXELS)?;
+        let (at, content) = self.0.entry(name, 8 * most + SPARE_PIXELS)?;
         let fault = |found: String, expected: String| ParseError::byte(at, format!("{found} in {shown}"), expected);
         let damaged =
             |e: ImageError| fault(format!("damaged WebP ({})", files::cause(&e)), "a lossless WebP picture".to_owned());

@@ -42,6 +42,31 @@ impl Pattern {
         PathBuf::from(format!("{before}{number:0digits$}{after}"))
     }
 
+    /// The numbers of the files that there are, rising.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn existing(&self) -> std::io::Result<Vec<i64>> {
+        let first = self.path(0);
+        let folder = first.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let before = Path::new(&self.before);
+        let stem =
+            if self.before.ends_with(['/', '\\']) { None } else { before.file_name().and_then(|name| name.to_str()) };
+        let mut numbers = Vec::new();
+        for entry in std::fs::read_dir(folder)? {
+            let entry = entry?;
+            let name = entry.file_name();
+            let digits = name.to_str().and_then(|name| name.strip_prefix(stem.unwrap_or_default()));
+            let number =
+                digits.and_then(|rest| rest.strip_suffix(self.after.as_str())).and_then(|text| text.parse().ok());
+            // `7` is no name of `%04d`.
+            let is_named = |number: &i64| self.path(*number).file_name() == Some(&*name);
+            numbers.extend(number.filter(is_named).filter(|_| entry.path().is_file()));
+        }
+        numbers.sort_unstable();
+        Ok(numbers)
+    }
+
     /// The same names under another path: `path` is that of file `number`.
     pub(crate) fn at(&self, number: i64, path: &Path) -> Option<Self> {
         let text = path.to_str()?;

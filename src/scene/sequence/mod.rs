@@ -34,6 +34,9 @@ pub struct SequenceSpec {
     pub offset: f64,
     /// Files per frame, > 0.
     pub rate: f64,
+    /// Points of files without identities are the same if they are nearest to each other, and not farther than this,
+    /// model units, > 0. `None`: they are matched by row.
+    pub match_within: Option<f64>,
 }
 
 impl SequenceSpec {
@@ -123,9 +126,13 @@ impl Sequence {
                 opened.notes = notes;
             }
             sequence.bounds.merge(&file.model.bounds());
-            if number == first && first < last && file.rows && file.model.surfels().velocity.is_empty() {
+            let unsure = file.model.surfels().velocity.is_empty() || sequence.spec.match_within.is_some();
+            if number == first && first < last && file.rows && unsure {
                 let (next, _) = sequence.files.read(first + 1)?;
-                opened.notes.extend(rows::in_another_order(&file, &next));
+                opened.notes.extend(match sequence.spec.match_within {
+                    Some(within) => Some(pieces::matched(&file, &next, within)),
+                    None => rows::in_another_order(&file, &next),
+                });
                 sequence.files.keep([(first, file), (first + 1, next)]);
             }
         }
@@ -183,10 +190,12 @@ impl Sequence {
             let beside = files.get(&(number + side)).map(Arc::as_ref);
             let unit = unit.unwrap_or(file.model.surfels().velocity_unit);
             let per_frame = if unit == VelocityUnit::Second { 1.0 / rate } else { 1.0 };
-            let paths = pieces::paths(file, beside, side as f64 / spec.rate, per_frame).map_err(|points| {
-                let path = |number| spec.pattern.path(number);
-                ModelError::Unmatched { path: path(number), beside: path(number + side), points }
-            })?;
+            let paths = pieces::paths(file, beside, spec.match_within, side as f64 / spec.rate, per_frame).map_err(
+                |points| {
+                    let path = |number| spec.pattern.path(number);
+                    ModelError::Unmatched { path: path(number), beside: path(number + side), points }
+                },
+            )?;
             let piece = Piece { paths, window, is_first: out.is_empty() };
             out.push((file.model.with_piece(piece), spec.frame_of(number)));
         }

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::files::File;
+use crate::model::PointTree;
 use crate::model::paths::{OwnPaths, elapsed};
 
 /// Points that one task moves. Nothing depends on it.
@@ -16,13 +17,14 @@ const CHUNK: usize = 4096;
 ///
 /// Points that both files have go along the cubic curve that has the places and velocities of both (Hermite), or along
 /// a straight line where the files have no velocities. They are matched by identity, or by row where the files have as
-/// many points and no identities. All other points follow their own velocity and acceleration.
+/// many points and no identities; `within` matches these by place. All other points follow their own velocity and acceleration.
 ///
 /// # Errors
 /// The points cannot be matched, and say nothing of how they move: the numbers of points.
 pub(super) fn paths(
     file: &File,
     beside: Option<&File>,
+    within: Option<f64>,
     step: f64,
     per_frame: f64,
 ) -> Result<Arc<OwnPaths>, [usize; 2]> {
@@ -30,7 +32,10 @@ pub(super) fn paths(
     let own = model.paths();
     let rates = [per_frame, per_frame * per_frame];
     let of_file = |i: usize| [0, 1].map(|c| own.columns[c].get(i).map_or(DVec3::ZERO, |r| r.as_dvec3() * rates[c]));
-    let partners = beside.map_or_else(Vec::new, |beside| partners(file, beside));
+    let partners = beside.map_or_else(Vec::new, |beside| match within {
+        Some(within) if file.rows && beside.rows => nearest(file, beside, within, per_frame * step),
+        _ => partners(file, beside),
+    });
     let moves = !own.is_empty();
     if let Some(beside) = beside.filter(|beside| partners.is_empty() && beside.points > 0 && !moves) {
         return Err([file.points, beside.points]);
@@ -87,6 +92,43 @@ fn partners(file: &File, beside: &File) -> Vec<Option<u32>> {
         partners[i as usize] = same.copied();
     }
     if file.rows && !rows_agree(file, beside, &partners) { Vec::new() } else { partners }
+}
+
+/// For each point of `file` the one of `beside` that is nearest to it, if it is nearest to that one, too, and they are
+/// not farther apart than `within`, model units. Both are where their velocities lead them in half the `time`, in units
+/// of the velocities: so the same two are found from either file.
+fn nearest(file: &File, beside: &File, within: f64, time: f64) -> Vec<Option<u32>> {
+    let origin = file.model.surfels().origin;
+    let places = |file: &File, time: f64| -> Vec<Vec3> {
+        let surfels = file.model.surfels();
+        let own = |i: usize| surfels.velocity.get(i).map_or(DVec3::ZERO, |v| v.as_dvec3() * (0.5 * time));
+        let place = |i: usize| (surfels.origin - origin + surfels.position[i].as_dvec3() + own(i)).as_vec3();
+        (0..surfels.len()).into_par_iter().map(place).collect()
+    };
+    let (here, there) = (places(file, time), places(beside, -time));
+    let of = |from: &[Vec3], to: &[Vec3]| -> Vec<Option<u32>> {
+        let tree = PointTree::new(to.iter().copied().zip(0..));
+        let nearest = |found: &mut Vec<(f64, u32)>, p: &Vec3| {
+            tree.nearest(*p, u32::MAX, 1, found);
+            found.first().filter(|(square, _)| *square <= within * within).map(|(_, index)| *index)
+        };
+        from.par_iter().map_init(Vec::new, nearest).collect()
+    };
+    let (forth, back) = rayon::join(|| of(&here, &there), || of(&there, &here));
+    let mutual = |(i, partner): (usize, Option<u32>)| partner.filter(|j| back[*j as usize] == Some(i as u32));
+    forth.into_iter().enumerate().map(mutual).collect()
+}
+
+/// How many points of two files are the same by their places.
+pub(super) fn matched(file: &File, beside: &File, within: f64) -> String {
+    if !beside.rows {
+        return "points with an `id` are matched by it, and not by `match`".to_owned();
+    }
+    let matched = nearest(file, beside, within, 0.0).iter().flatten().count();
+    format!(
+        "matched by places within {within}: {matched} of {} points, with {} of the next file",
+        file.points, beside.points
+    )
 }
 
 /// Do rows stand for the same points? Where there are velocities, most points must lie about where these lead.

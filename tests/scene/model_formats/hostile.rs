@@ -7,7 +7,7 @@ use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [ModelFormat; 13] = [
+const FORMATS: [ModelFormat; 15] = [
     ModelFormat::Ply,
     ModelFormat::Sfl,
     ModelFormat::Obj,
@@ -21,6 +21,8 @@ const FORMATS: [ModelFormat; 13] = [
     ModelFormat::Nrrd,
     ModelFormat::Las,
     ModelFormat::E57,
+    ModelFormat::Npy,
+    ModelFormat::Npz,
 ];
 
 /// Small valid files of every format.
@@ -53,6 +55,9 @@ fn seeds() -> Vec<(ModelFormat, Vec<u8>)> {
     files.push((ModelFormat::Ply, super::compressed_ply::seed()));
     #[cfg(feature = "formats")]
     files.push((ModelFormat::Sog, super::sog::seed()));
+    #[cfg(feature = "formats")]
+    files.push((ModelFormat::Npz, super::tables::read("packed.npz")));
+    files.push((ModelFormat::Npy, super::tables::read("nested.npy")));
     files.push((ModelFormat::Sfl, read("tiny_full.sfl")));
     let record = be(&[1.0, 2.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
     let [set, resolution] = sfl_set(1 << 24, &[(0, 0), (24, 12)], 36, &record, &[]);

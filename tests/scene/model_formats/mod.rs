@@ -22,5 +22,6 @@ mod splat;
 #[cfg(feature = "formats")]
 mod spz;
 mod support;
+mod tables;
 mod write;
 mod xyz;

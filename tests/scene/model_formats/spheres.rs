@@ -11,7 +11,7 @@ use splatblur::model::{
 fn loaded(path: &Path, kind: Option<Kind>, radius: Option<f64>) -> Result<(Surfels, Vec<String>), ModelError> {
     let points = PointOptions { radius, ..PointOptions::default() };
     let options = LoadOptions { kind, points, ..LoadOptions::default() };
-    load(path, &options, &|_, _| {}).map(|LoadedModel { shape, notes }| match shape {
+    load(path, &options, &|_, _| {}).map(|LoadedModel { shape, notes, .. }| match shape {
         LoadedShape::Surfels(surfels, None) => (surfels, notes),
         other => panic!("{other:?}"),
     })
