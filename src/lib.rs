@@ -155,8 +155,8 @@ pub mod fields {
     pub use crate::image::{Bits, Compression, Exr, Format, Precision};
     pub use crate::math::RotateOrder;
     pub use crate::model::{
-        ColourSpace, KeptLevels, Kind, LoadOptions, MeshOptions, Normalisation, ParseError, Place, PointOptions,
-        Spacing, TransferFunction, TransferFunctionError, TransferStop, VolumeOptions,
+        ColourBy, ColourMap, ColourSpace, KeptLevels, Kind, LoadOptions, MeshOptions, Normalisation, ParseError, Place,
+        PointOptions, Spacing, TransferFunction, TransferFunctionError, TransferStop, VolumeOptions,
     };
     pub use crate::options::{
         KernelShape, KernelWeight, Normalise, OptionError, Overlap, SourceSamples, TemporalAlpha, Times,

@@ -34,9 +34,9 @@ Examples:
   splatblur convert 'frame.%04d.csv' 'fast.%04d.bin' --kind spheres
   splatblur convert a.csv b.npy c.laz fast/")]
 pub(super) struct Convert {
-    /// Model: .ply, .sfl, .obj, .xyz, .csv, .txt, .pts, .npy, .npz, .las, .laz, .e57, .bin; capture: .ply, .splat, .spz,
-    /// .sog, .glb. Volumes' grids (.nrrd) have no surfels. Several clouds of points are one model: 'scan/*.laz', in
-    /// quotes. Files of a sequence: 'frame.%04d.csv', if OUT has a number, too; several files, if OUT is a folder.
+    /// Model: .ply, .sfl, .obj, .xyz, .csv, .txt, .pts, .npy, .npz, .las, .laz, .e57, .bin; capture: .ply, .splat,
+    /// .spz, .sog, .glb. Volumes' grids (.nrrd) have no surfels. Several clouds of points are one model: 'scan/*.laz',
+    /// in quotes. Files of a sequence: 'frame.%04d.csv', if OUT has a number, too; several files, if OUT is a folder.
     #[arg(value_name = "IN", required = true)]
     inputs: Vec<PathBuf>,
     /// File to write, ending in .bin or .ply; with a number, as in fast.%04d.bin, one for each file of a sequence; of

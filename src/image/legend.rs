@@ -48,12 +48,12 @@ impl Place {
     fn of(by: &ColourBy, labels: &[String], left: u32, [width, height]: [u32; 2]) -> Option<Self> {
         let scale = (height / STEP).max(1);
         let (wide, high) = (width / scale, height / scale);
-        let bar = BAR.min((high / 2).saturating_sub(line() + 4 * GAP));
+        let bar = BAR.min((high / 2).saturating_sub(line() + 4 * GAP)).max(TICKS * line());
         let label = labels.iter().map(String::len).max().unwrap_or(0) as u32;
         let name = by.column.trim().chars().count().min(NAME) as u32;
         let inner = (WIDE + GAP + label * advance()).max(name * advance());
         let size = [inner + 2 * GAP, bar + line() + 4 * GAP];
-        let fits = bar >= TICKS * line() && left / scale + GAP + size[0] <= wide && size[1] + GAP <= high;
+        let fits = left / scale + GAP + size[0] <= wide && size[1] + GAP <= high;
         fits.then(|| Self { scale, at: [left / scale + GAP, high - size[1] - GAP], size, bar })
     }
 }

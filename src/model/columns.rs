@@ -8,7 +8,8 @@
 //! |---|---|
 //! | position | x y z, position_x.., pos_x.., points_x.., px py pz |
 //! | normal | nx ny nz, normal_x.., normals_x.. |
-//! | colour | red green blue, r g b, diffuse_red.., colors_x.., color_x.., rgb_x.. ; else grey: intensity, quality, grey, gray, scalar_* |
+//! | colour | red green blue, r g b, diffuse_red.., colors_x.., color_x.., rgb_x.. |
+//! | grey without a colour | intensity, quality, grey, gray, scalar_* |
 //! | cut-off radius | radius, radii, psz, point_size, size, value, scale (a float) |
 //! | axes | tux tuy tuz tvx tvy tvz |
 //! | velocity, acceleration | vx vy vz, velocity_x.., vel_x.., v_x.. ; ax ay az, acceleration_x.., accel_x.. |

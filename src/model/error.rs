@@ -9,9 +9,9 @@ use crate::limits::Invalid;
 
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
 /// that report errors.
-pub(super) const KNOWN_FORMATS: &str = "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz, .csv, .txt and .pts, \
-     arrays .npy and .npz, splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, volumes .nrrd, scans .las, .laz \
-     and .e57";
+pub(super) const KNOWN_FORMATS: &str = "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz, .csv, .txt and \
+     .pts, arrays .npy and .npz, splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, \
+     volumes .nrrd, scans .las, .laz and .e57";
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]

@@ -70,8 +70,8 @@ impl PlyContent {
 }
 
 /// Reads a PLY file. `progress` now and then gets the share of vertices read. `faces`: a file with faces is a mesh;
-/// else its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case. `by`: the
-/// column that points are coloured by.
+/// else its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case.
+/// `by`: the column that points are coloured by.
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no

@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::{Light, Object, Scene};
 use crate::model::Material;
 
-/// Ambient light of a scene that has none: too little to be seen on other objects, and a power of two, so that a
+/// Ambient light of a scene that has none, or less: too little to be seen on other objects, and a power of two, so that a
 /// material can undo it without rounding.
-const FAINT: f64 = 1.0 / (1 << 20) as f64;
+const FAINT: f64 = 1.0 / (1 << 19) as f64;
 /// Largest relative difference of the channels of a grey.
 const GREY: f64 = 1e-6;
 
@@ -33,9 +33,9 @@ impl Scene {
             Light::Directional { .. } | Light::Point { .. } => DVec3::ZERO,
         });
         let mut ambient: DVec3 = ambient.sum();
-        if ambient == DVec3::ZERO {
-            ambient = DVec3::splat(FAINT);
-            self.lights.push(Light::Ambient { colour: ambient });
+        if ambient.max_element() < FAINT {
+            ambient += FAINT;
+            self.lights.push(Light::Ambient { colour: DVec3::splat(FAINT) });
         }
         if ambient.max_element() - ambient.min_element() > GREY * ambient.max_element() {
             return Err(ambient);
@@ -86,7 +86,7 @@ mod tests {
         let colour = glam::Vec3::new(0.25, 0.5, 1.0);
         let sun = || Light::directional(DVec3::NEG_Y, DVec3::splat(3.0));
         let grey = |level: f64| Light::Ambient { colour: DVec3::splat(level) };
-        for lights in [vec![], vec![sun()], vec![grey(0.25), sun()], vec![grey(0.3), grey(0.1)]] {
+        for lights in [vec![], vec![sun()], vec![grey(1e-9)], vec![grey(0.25), sun()], vec![grey(0.3), grey(0.1)]] {
             let got = shown(lights.clone()).unwrap();
             // Measured: 6e-8 with .3 + .1, else 0.
             assert!((got - colour).abs().max_element() < 2e-7, "{lights:?}: {got}");

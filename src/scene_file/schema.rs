@@ -519,7 +519,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 "colourMap",
                 ValueKind::Text,
                 Value("viridis"),
-                "its colours: viridis, turbo, plasma, grey, coolwarm, a list as #000000,#ff0000, or the path of a table",
+                "viridis, turbo, plasma, grey, coolwarm, a list as #000000,#ff0000, or the path of a table",
             ),
             row(
                 "range",

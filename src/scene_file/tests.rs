@@ -11,11 +11,13 @@ use super::{SceneLoadOptions, load};
 use crate::anim::TrackFormat;
 
 /// Attributes that are text and name no path.
-const NO_PATHS: [(&str, &str); 5] = [
+const NO_PATHS: [(&str, &str); 7] = [
     ("camera", "atObject"),
     ("object", "name"),
     ("pointModel", "node"),
     ("pointModel", "classes"),
+    ("pointModel", "colourBy"),
+    ("pointModel", "range"),
     ("animation", "node"),
 ];
 
@@ -32,6 +34,9 @@ fn scenes(element: &str, attribute: Option<&str>) -> Vec<String> {
         ("pointModel", None) => vec![in_object("<pointModel>pipe</pointModel>")],
         ("pointModel", Some("sequence")) => {
             vec![in_object("<pointModel sequence=\"pipe.%d\" first=\"1\" last=\"2\"/>")]
+        }
+        ("pointModel", Some("colourMap")) => {
+            vec![in_object("<pointModel colourBy=\"z\" colourMap=\"pipe\">m.ply</pointModel>")]
         }
         ("animation", None) => vec![
             in_object("<sphere/><animation>pipe</animation>"),

@@ -10,6 +10,7 @@ use splatblur::model::ColourMap;
 use super::run;
 
 const SMALL: &str = "--size 320x240 --backend cpu --mode supersample:4";
+const TINY: &str = "--size 60x40 --backend cpu --mode supersample:4";
 
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
@@ -41,8 +42,8 @@ fn the_legend_has_the_colours_and_the_range() {
     let said = fine(dir.path(), &line);
     assert!(said.contains("coloured by `heat`: map.txt from 0 to 200"), "{said}");
     let picture = image::read(&dir.path().join("o/a.0000.png")).unwrap();
-    // The bar is 16 pixels from the left, and as high as half the image without name and margins.
-    let (height, left) = (120 - 16 - 32, 16 + 4);
+    // The bar is 16 pixels from the left and from below, and as high as five lines of text at least.
+    let (height, left) = (80, 16 + 4);
     let top = 240 - 16 - height;
     let map = ColourMap::open(dir.path().join("map.txt").to_str().unwrap()).unwrap();
     for y in 0..height {
@@ -70,7 +71,8 @@ fn what_would_make_the_legend_untrue_is_refused() {
     assert!(of("--colour-by heat --stops 1").contains("--stops would change the colours"));
     assert!(of("--colour-by heat --unlit=off").contains("no light changes the colours"));
     assert!(of("--legend").contains("--legend is for colours that stand for numbers"));
-    assert!(of("--colour-by heat --legend --size 60x40").contains("--legend has no room in an image of 60 x 40"));
+    let tiny = refused(dir.path(), &format!("render a.csv --out o {TINY} --colour-by heat --legend"));
+    assert!(tiny.contains("--legend has no room in an image of 60 x 40"), "{tiny}");
     assert!(of("--range 0..1").contains("--colour-by"));
     assert!(of("--colour-by heat --range 1..1").contains("two numbers that differ"));
     assert!(of("--colour-by heat --colour-map bad.txt").contains("bad.txt: line 2: found 2 words"));

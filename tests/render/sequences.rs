@@ -373,10 +373,15 @@ fn nearest_points_are_the_same() {
     // Three eighths of the distance between them in a frame, and a little of its own for each.
     for _ in 0..64 {
         model.velocity.push(Vec3::new(0.15, 0.0, 0.01 * random.next() as f32));
+        model.acceleration.push(Vec3::ZERO);
     }
     let lacking = |t: i64| -> Surfels {
         let kept: Vec<usize> = (0..64).filter(|i| i % 7 != t as usize).collect();
-        Surfels { velocity: Vec::new(), ..shuffled(&picked(&at(&model, t as f32), &kept), 9 + t as u64) }
+        Surfels {
+            velocity: Vec::new(),
+            acceleration: Vec::new(),
+            ..shuffled(&picked(&at(&model, t as f32), &kept), 9 + t as u64)
+        }
     };
     let by_id: Vec<Surfels> = [1, 2, 3].map(lacking).into();
     let without: Vec<Surfels> = by_id.iter().map(|file| Surfels { id: Vec::new(), ..file.clone() }).collect();

@@ -253,7 +253,8 @@ impl Render {
         }
         if legends.is_empty() {
             anyhow::bail!(
-                "--legend is for colours that stand for numbers: name a column with --colour-by, or in the scene with `colourBy`"
+                "--legend is for colours that stand for numbers: name a column with --colour-by, or in the scene with \
+                 `colourBy`"
             );
         }
         let ImageSettings { width, height, .. } = scene.image;

@@ -169,8 +169,11 @@ pub(in crate::model) fn parse(
     if placed {
         cloud.stations = stations.into_iter().flatten().collect();
     }
-    cloud.columns = vec![INTENSITY.to_owned()];
-    if options.colour_by.as_ref().is_some_and(|by| by.name() == INTENSITY) {
+    let measured = scans.iter().any(|scan| scan.prototype.iter().any(|r| r.name == RecordName::Intensity));
+    if measured {
+        cloud.columns = vec![INTENSITY.to_owned()];
+    }
+    if measured && options.colour_by.as_ref().is_some_and(|by| by.name() == INTENSITY) {
         cloud.value = intensity.iter().copied().map(f64::from).collect();
     } else if cloud.colour.is_empty() {
         grey(&intensity, &mut cloud);

@@ -80,7 +80,7 @@ struct Gathered {
     /// Empty where the format has none.
     colour: Vec<[u16; 3]>,
     intensity: Vec<u16>,
-    /// Of the column that colours them; empty where there is none.
+    /// Values of the column that colours them; empty where there is none.
     value: Vec<f64>,
     /// Points of each class of the file, the unwanted included.
     classes: BTreeMap<u8, u64>,

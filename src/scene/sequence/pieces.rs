@@ -17,7 +17,8 @@ const CHUNK: usize = 4096;
 ///
 /// Points that both files have go along the cubic curve that has the places and velocities of both (Hermite), or along
 /// a straight line where the files have no velocities. They are matched by identity, or by row where the files have as
-/// many points and no identities; `within` matches these by place. All other points follow their own velocity and acceleration.
+/// many points and no identities; `within` matches these by place. All other points follow their own velocity and
+/// acceleration.
 ///
 /// # Errors
 /// The points cannot be matched, and say nothing of how they move: the numbers of points.

@@ -36,9 +36,9 @@ fn errors_name_the_file() {
         (
             "a.ply",
             b"plywood".as_slice(),
-            "a.ply is of no known format (known: PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz \
-             and .pts, splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, volumes \
-             .nrrd, scans .las, .laz and .e57)",
+            "a.ply is of no known format (known: PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz, \
+             .csv, .txt and .pts, arrays .npy and .npz, splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, \
+             .spz, .sog and .glb, volumes .nrrd, scans .las, .laz and .e57)",
         ),
         ("a.dat", b"%YAML", "a.dat is of no known format"),
         ("b.ply", b"ply\nformat ascii 2.0\n", "b.ply: line 2: found PLY version `2.0`, expected 1.0"),

@@ -303,8 +303,10 @@ proptest! {
         let nrrd = b"NRRD0004\ntype: float\ndimension: 3\nendian: big\nencoding: gzip\nsizes: 1 2 ";
         let las = b"LASF\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x01\x04";
         let e57 = b"ASTM-E57\x01\0\0\0\0\0\0\0";
-        let marks: [&[u8]; 13] = [
+        let npy = b"\x93NUMPY\x01\x00\x40\0{'descr': '<f4', 'fortran_order': False, 'shape': (9, 3)}";
+        let marks: [&[u8]; 15] = [
             b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04", spz, glb, nrrd, las, e57,
+            npy, b"PK\x03\x04",
         ];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use splatblur::model::{
-    Cloud, ColourStorage, LoadOptions, LoadedModel, LoadedShape, ModelFormat, Parsed, PointOptions, load, parse,
-    scan_facts,
+    Cloud, ColourBy, ColourMap, ColourStorage, LoadOptions, LoadedModel, LoadedShape, ModelFormat, Parsed,
+    PointOptions, load, parse, scan_facts,
 };
 
 use super::support::{cloud, refused};
@@ -322,4 +322,35 @@ fn pages_are_sealed_as_the_library_does() {
     let mut bytes = read("two.e57");
     seal(&mut bytes);
     assert_eq!(bytes, read("two.e57"));
+}
+
+/// Points of LAS are coloured by what the file says of each.
+#[test]
+fn columns_colour_points() {
+    let points = points();
+    for name in ["7.las", "7.laz"] {
+        for (column, values) in [
+            ("Intensity", points.iter().map(|point| f64::from(point.intensity)).collect::<Vec<_>>()),
+            ("classification", points.iter().map(|point| f64::from(point.class)).collect()),
+            ("red", points.iter().map(|point| f64::from(point.colour[0])).collect()),
+        ] {
+            let map = ColourMap::parse("grey").unwrap();
+            let by = ColourBy { column: column.to_owned(), map: map.clone(), range: None };
+            let found = loaded(&data(name), PointOptions { colour_by: Some(by), ..PointOptions::default() });
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = values.iter().copied().fold(0.0, f64::max);
+            assert_eq!(found.colour_range, Some([least, most]), "{name} {column}");
+            let LoadedShape::Surfels(surfels, _) = found.shape else { panic!("{name}") };
+            for (value, colour) in values.iter().zip(&surfels.colour) {
+                assert_eq!(map.linear((value - least) / (most - least)), Some(*colour), "{name} {column}");
+            }
+        }
+    }
+    let by = ColourBy { column: "gps_time".to_owned(), ..ColourBy::default() };
+    let options = LoadOptions {
+        points: PointOptions { colour_by: Some(by), ..PointOptions::default() },
+        ..LoadOptions::default()
+    };
+    let why = load(&data("two.e57"), &options, &|_, _| {}).unwrap_err().to_string();
+    assert!(why.contains("found no column \"gps_time\" to colour by, expected intensity, x, y, z, speed"), "{why}");
 }

@@ -1,7 +1,7 @@
 //! Tables and arrays of points: files of numpy and pandas (tests/data/tables/make.py), read to the same numbers.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 use splatblur::model::{
@@ -126,9 +126,9 @@ fn wrong_archives_are_refused() {
     }
 }
 
-fn coloured(path: &std::path::Path, column: &str, range: Option<[f64; 2]>) -> Result<(Surfels, [f64; 2]), ModelError> {
+fn coloured(path: &Path, column: &str, range: Option<[f64; 2]>) -> Result<(Surfels, [f64; 2]), ModelError> {
     let by = ColourBy { column: column.to_owned(), map: ColourMap::parse("grey").unwrap(), range };
-    let points = PointOptions { colour_by: Some(by), radius: Some(1.0), ..PointOptions::default() };
+    let points = PointOptions { colour_by: Some(by), ..PointOptions::default() };
     let options = LoadOptions { points, ..LoadOptions::default() };
     load(path, &options, &|_, _| {}).map(|LoadedModel { shape, colour_range, .. }| match shape {
         LoadedShape::Surfels(surfels, None) => (surfels, colour_range.unwrap()),
