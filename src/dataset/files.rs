@@ -12,11 +12,14 @@ pub enum FolderLayout {
     Nerfstudio,
     /// A folder a sequence, with `blur/` and `sharp/`, as the GOPRO dataset (Nah et al. 2017) has them.
     Gopro,
+    /// As nerfstudio, with `sparse/0` of COLMAP, as programs expect that fit 3D Gaussians.
+    Colmap,
 }
 
 impl FolderLayout {
     /// All, with their names.
-    pub const ALL: [(&'static str, Self); 2] = [("nerfstudio", Self::Nerfstudio), ("gopro", Self::Gopro)];
+    pub const ALL: [(&'static str, Self); 3] =
+        [("nerfstudio", Self::Nerfstudio), ("gopro", Self::Gopro), ("colmap", Self::Colmap)];
 
     /// Its name.
     pub fn name(self) -> &'static str {

@@ -8,6 +8,7 @@ use crate::backend::{Achieved, Backend, BackendError};
 use crate::film::{Aov, Picture};
 use crate::image::{self, Format, ImageError, Response};
 use crate::limits::{self, Invalid};
+use crate::model::ModelError;
 use crate::options::{BlurMode, Look, Quality, RenderOptions};
 use crate::reference::{self, Flow, ReferenceError, ReferenceOptions};
 use crate::renderer::render_frame;
@@ -27,6 +28,9 @@ pub enum DatasetError {
     /// The reference cannot.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
+    /// A file of a sequence cannot be read.
+    #[error(transparent)]
+    Model(#[from] ModelError),
 }
 
 /// What goes into a file.

@@ -2,12 +2,17 @@
 //! a `transforms.json` that names them all (docs/dataset.md).
 //!
 //! A [`Recipe`] says what is made. `files` lists the files of a frame, `frame` makes them, `noise` is that of the
-//! camera's sensor, and `transforms` writes the list of all frames.
+//! camera's sensor, and `transforms` writes the list of all frames. `common` makes the other files that all frames
+//! share: `views` in their order, and `points` for a start, as `colmap` writes them.
 
+mod colmap;
+mod common;
 mod files;
 mod frame;
 mod noise;
+mod points;
 mod transforms;
+mod views;
 
 use crate::image::{Format, Response};
 use crate::options::RenderOptions;
@@ -15,6 +20,7 @@ use crate::reference::ReferenceOptions;
 use crate::scene::Scene;
 use crate::time::{Shutter, Weight};
 
+pub use self::common::{CommonFile, common_files};
 pub use self::files::{File, FolderLayout, Role, files};
 pub use self::frame::{DatasetError, FileContents, Made, frame};
 pub use self::noise::{Noise, NoiseError};

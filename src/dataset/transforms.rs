@@ -5,10 +5,10 @@ use glam::{DMat3, DMat4};
 use serde::{Deserialize, Serialize};
 
 use super::files::{Role, files};
+use super::views::{focal_of, principal_point};
 use super::{MIDDLE, Recipe};
-use crate::math::focal_length;
 use crate::scene::Scene;
-use crate::scene::pose::{camera_from_world, fovy};
+use crate::scene::pose::camera_from_world;
 use crate::time::{FrameNumber, Shutter};
 
 /// Its name.
@@ -137,13 +137,14 @@ pub fn transforms(
 ) -> Result<String, serde_json::Error> {
     let [width, height] = [scene.image.width, scene.image.height];
     let focal = one_focal(scene, frames);
+    let [cx, cy] = principal_point(scene);
     let shutter = &scene.shutter;
     let head = Head {
         camera_model: "PINHOLE",
         fl_x: focal,
         fl_y: focal,
-        cx: (0.5 + scene.camera.shift.x) * f64::from(width),
-        cy: (0.5 + scene.camera.shift.y) * f64::from(height),
+        cx,
+        cy,
         w: width,
         h: height,
         frame_rate: scene.frames.rate,
@@ -163,11 +164,6 @@ pub fn transforms(
     let head = serde_json::to_string_pretty(&head)?;
     let open = head.trim_end().trim_end_matches('}').trim_end();
     Ok(format!("{open},\n  \"frames\": [\n    {entries}\n  ]\n}}\n"))
-}
-
-/// Focal length of a frame, pixels.
-fn focal_of(scene: &Scene, frame: FrameNumber) -> f64 {
-    focal_length(f64::from(scene.image.height), fovy(scene, frame.get()))
 }
 
 /// The focal length that all frames have. Where it stands in the head, nerfstudio reads none of the frames.

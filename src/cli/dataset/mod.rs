@@ -1,11 +1,12 @@
 //! `splatblur dataset`: blurred pictures with the truth about them.
 
 mod replay;
+mod written;
 
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::{Context as _, bail};
@@ -14,9 +15,9 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use serde::Serialize;
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
-use splatblur::dataset::{self, By, DatasetError, FolderLayout, MOST_SHARP, Made, Noise, Recipe, TRANSFORMS};
+use splatblur::dataset::{self, By, FolderLayout, MOST_SHARP, Noise, Recipe, TRANSFORMS};
 use splatblur::files;
-use splatblur::image::{self, Bits, Exr, Format, ImageError, Precision, Response};
+use splatblur::image::{Bits, Exr, Format, Precision, Response};
 use splatblur::options::{BlurMode, Quality};
 use splatblur::reference::ReferenceOptions;
 use splatblur::renderer::Renderer;
@@ -26,6 +27,7 @@ use splatblur::study::provenance::{PROGRAM, Provenance, Settings};
 use splatblur::study::reference_samples;
 
 use self::replay::Recorded;
+use self::written::Output;
 use super::backend::{BackendArgs, Wanted};
 use super::common::{
     MODES, Overrides, Running, Sampling, Splatting, Surfaces, frames_of, open_directory, stop_on_interrupt,
@@ -57,13 +59,16 @@ Examples:
     splatblur dataset scene.xml --out truth --noise shot=4000,read=0.002 --response gamma:2.2
   The folders of the GOPRO dataset:
     splatblur dataset scene.xml --out train --layout gopro
+  Pictures, cameras and points for programs that fit 3D Gaussians:
+    splatblur dataset scene.xml --out train --layout colmap
   The same bytes once more:
     splatblur dataset --replay truth/transforms.json --out again
 
 Files (--layout nerfstudio): images/0012.png, sharp/0012-0.png and so on, flow/0012-open-close.exr and
 0012-middle-close.exr (R: pixels right, G: pixels down, B: valid, A: seen at the second instant too), depth/0012.exr,
 alpha/0012.exr, error/0012.exr, transforms.json. --layout gopro: <scene>/blur/000012.png, <scene>/sharp/000012.png (the
-middle), <scene>/instants/000012-0.png and so on, and all others in <scene>/ too.
+middle), <scene>/instants/000012-0.png and so on, and all others in <scene>/ too. --layout colmap: as nerfstudio, and
+sparse/0/cameras.txt, images.txt and points3D.txt (docs/training.md).
 
 JSON (--json), one object: program, scene, directory, transforms, backend, frames: [{{frame, skipped, seconds, auto (as
 in `render`), mean_error (with --reference)}}], seconds, notes."))]
@@ -84,7 +89,8 @@ pub(super) struct Dataset {
         help_heading = "Output"
     )]
     frames: Option<FrameList>,
-    /// Where files lie: as nerfstudio loads them, or in the folders of the GOPRO dataset.
+    /// Where files lie: as nerfstudio loads them, in the folders of the GOPRO dataset, or with cameras and points as
+    /// COLMAP writes them.
     #[arg(
         long,
         default_value = "nerfstudio",
@@ -259,10 +265,7 @@ impl Dataset {
             reports.push(report);
         }
         drop(progress);
-        {
-            let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
-            files::replace(&list, transforms.as_bytes()).with_context(|| format!("cannot write {}", list.display()))?;
-        }
+        output.conclude(&gate, frames.all(), &transforms)?;
         let seconds = start.elapsed().as_secs_f64();
         if self.json {
             let (scene, directory, transforms) = (&*scene.name, &*directory, &*list);
@@ -321,82 +324,6 @@ fn settings(scene: &Scene, path: &Path, recipe: &Recipe, backend: &str) -> anyho
         By::Splatting(options) => provenance.splatted(options, recipe.format, backend)?,
         By::Tracing(options) => provenance.traced(options, options.samples, recipe.format)?,
     })
-}
-
-/// Where frames go, and what is made of them.
-struct Output<'a> {
-    scene: &'a Scene,
-    recipe: &'a Recipe,
-    seed: u64,
-    settings: &'a Settings,
-    directory: &'a Path,
-}
-
-/// What a file carries: the settings of its frame's blurred picture, and what a dataset adds.
-#[derive(Serialize)]
-struct FileSettings<'a> {
-    file: &'a str,
-    sharp: u32,
-    response: String,
-    noise: String,
-    #[serde(flatten)]
-    settings: Settings,
-}
-
-/// Why a frame was not written.
-#[derive(Debug, thiserror::Error)]
-enum DatasetFrameError {
-    #[error(transparent)]
-    Made(#[from] DatasetError),
-    #[error(transparent)]
-    Written(#[from] ImageError),
-    #[error("cannot make the directory {}", .0.display())]
-    Directory(PathBuf, #[source] std::io::Error),
-    #[error(transparent)]
-    Json(#[from] serde_json::Error),
-}
-
-impl Output<'_> {
-    /// The text that a file carries: equal texts, equal files.
-    fn settings_of(&self, file: &str, frame: FrameNumber) -> Result<String, serde_json::Error> {
-        let Recipe { sharp, response, noise, .. } = *self.recipe;
-        let (response, noise) = (response.to_string(), noise.to_string());
-        serde_json::to_string(&FileSettings { file, sharp, response, noise, settings: self.settings.with_frame(frame) })
-    }
-
-    /// Are all files of a frame there, whole and with these settings?
-    fn is_done(&self, frame: FrameNumber) -> anyhow::Result<bool> {
-        for dataset::File { path, .. } in dataset::files(&self.scene.name, frame, self.recipe) {
-            let (settings, path) = (self.settings_of(&path, frame)?, self.directory.join(path));
-            if image::read_settings(&path).is_none_or(|found| found != settings) || !image::is_whole(&path) {
-                return Ok(false);
-            }
-        }
-        Ok(true)
-    }
-
-    /// Makes and writes a frame. `gate` is held while a file is being written.
-    fn frame(
-        &self,
-        renderer: &mut Renderer,
-        gate: &Mutex<()>,
-        frame: FrameNumber,
-    ) -> Result<FrameReport, DatasetFrameError> {
-        let start = Instant::now();
-        let write = |file: &dataset::File, content: dataset::FileContents| {
-            let settings = self.settings_of(&file.path, frame)?;
-            let path = self.directory.join(&file.path);
-            let folder = path.parent().unwrap_or(self.directory);
-            let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
-            fs::create_dir_all(folder).map_err(|source| DatasetFrameError::Directory(folder.to_owned(), source))?;
-            Ok(content.write(&path, &settings)?)
-        };
-        let backend = renderer.backend();
-        let Made { achieved, mean_error } =
-            dataset::frame::<DatasetFrameError>(backend, self.scene, frame, self.recipe, self.seed, write)?;
-        let seconds = start.elapsed().as_secs_f64();
-        Ok(FrameReport { frame, skipped: false, seconds, auto: achieved, mean_error })
-    }
 }
 
 /// Frames, size, mode, pictures: one line.

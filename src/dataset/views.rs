@@ -1,0 +1,52 @@
+//! The views of a dataset, in the order in which its readers have them.
+
+use glam::DMat4;
+
+use super::files::{Role, files};
+use super::{MIDDLE, Recipe};
+use crate::math::focal_length;
+use crate::scene::Scene;
+use crate::scene::pose::{camera_from_world, fovy};
+use crate::time::FrameNumber;
+
+/// The picture of a frame in `images/`, and its camera.
+pub(super) struct View {
+    /// The name of the file, without its folder.
+    pub(super) name: String,
+    /// The camera in the middle of the shutter: it looks along -z, and +y is up.
+    pub(super) camera_from_world: DMat4,
+    /// Focal length, pixels.
+    pub(super) focal: f64,
+}
+
+/// The views of these frames, sorted by name.
+pub(super) fn views(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> Vec<View> {
+    let view = |&frame: &FrameNumber| {
+        let time = scene.shutter.frame_time(frame.get(), MIDDLE);
+        View {
+            name: name(scene, frame, recipe),
+            camera_from_world: camera_from_world(scene, time),
+            focal: focal_of(scene, frame),
+        }
+    };
+    let mut views: Vec<View> = frames.iter().map(view).collect();
+    views.sort_by(|a, b| a.name.cmp(&b.name));
+    views
+}
+
+/// The name of the picture of a frame, without its folder.
+fn name(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> String {
+    let path = files(&scene.name, frame, recipe).into_iter().find(|file| file.role == Role::Blur).map(|file| file.path);
+    path.map_or_else(String::new, |path| path.rsplit('/').next().unwrap_or_default().to_owned())
+}
+
+/// Focal length of a frame, pixels.
+pub(super) fn focal_of(scene: &Scene, frame: FrameNumber) -> f64 {
+    focal_length(f64::from(scene.image.height), fovy(scene, frame.get()))
+}
+
+/// Where the camera's axis meets the image, pixels from its left upper corner.
+pub(super) fn principal_point(scene: &Scene) -> [f64; 2] {
+    let size = [scene.image.width, scene.image.height].map(f64::from);
+    [(0.5 + scene.camera.shift.x) * size[0], (0.5 + scene.camera.shift.y) * size[1]]
+}

@@ -1,0 +1,156 @@
+//! `splatblur dataset` for programs that are trained: what their readers find. The readers here are written from the
+//! formats' own documents, and share nothing with the writers.
+
+#![allow(clippy::unwrap_used, reason = "tests may stop and report")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use glam::{DMat3, DVec2, DVec3};
+use splatblur::image;
+
+use crate::run;
+
+/// Three small balls of one colour each, of which the red one moves, before a camera that moves, turns and is not level.
+fn folder() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let ball = |name: &str, colour: &str, at: DVec3, rest: &str| {
+        format!(
+            "<object name='{name}'><sphere radius='0.06' colour='{colour}'/>\
+             <transform translate='{} {} {}'/>{rest}</object>",
+            at.x, at.y, at.z
+        )
+    };
+    let text = format!(
+        "<scene><image width='160' height='120'/><frames first='1' last='3' rate='24'/>\
+         <shutter open='0' close='0.5'/><light type='ambient'/>\
+         <camera eye='0.5 0.9 4' at='0.1 0.2 0' up='0.3 1 0.1'>\
+         <motion type='linear' velocity='0.1 0.02 -0.1'/>\
+         <motion type='rotation' axis='0.2 1 0.1' degreesPerFrame='2'/></camera>{}{}{}</scene>",
+        ball("red", "1 0 0", RED, "<motion type='linear' velocity='0.2 0.1 0'/>"),
+        ball("green", "0 1 0", GREEN, ""),
+        ball("blue", "0 0 1", BLUE, ""),
+    );
+    fs::write(dir.path().join("balls.xml"), text).unwrap();
+    dir
+}
+
+const RED: DVec3 = DVec3::new(-0.5, 0.1, 0.2);
+const GREEN: DVec3 = DVec3::new(0.6, 0.7, -0.4);
+const BLUE: DVec3 = DVec3::new(0.2, -0.4, 0.5);
+
+/// Where the balls are in the middle of the exposure of a frame.
+fn places(frame: f64) -> [DVec3; 3] {
+    [RED + DVec3::new(0.2, 0.1, 0.0) * (frame + 0.25), GREEN, BLUE]
+}
+
+fn done(dir: &Path, line: &str) -> String {
+    let (status, said, errors) = run(dir, line);
+    assert_eq!(status, Some(0), "{line}: {errors}");
+    said
+}
+
+/// The middle of all that a picture shows in one of its channels, pixels from the left upper corner.
+fn seen(path: &Path, channel: usize) -> DVec2 {
+    let picture = image::read(path).unwrap();
+    let (mut sum, mut light) = (DVec2::ZERO, 0.0);
+    for (i, pixel) in picture.rgba.iter().enumerate() {
+        let place = DVec2::new((i % picture.width as usize) as f64 + 0.5, (i / picture.width as usize) as f64 + 0.5);
+        sum += place * f64::from(pixel[channel]);
+        light += f64::from(pixel[channel]);
+    }
+    assert!(light > 3.0, "{}: {light} of channel {channel}", path.display());
+    sum / light
+}
+
+/// A view of a reconstruction.
+struct View {
+    name: String,
+    /// From the world to the camera: x right, y down, z forward.
+    turn: DMat3,
+    shift: DVec3,
+    /// fx, fy, cx, cy.
+    lens: [f64; 4],
+}
+
+impl View {
+    fn pixel(&self, place: DVec3) -> DVec2 {
+        let p = self.turn * place + self.shift;
+        let [fx, fy, cx, cy] = self.lens;
+        assert!(p.z > 0.0);
+        DVec2::new(fx * p.x / p.z + cx, fy * p.y / p.z + cy)
+    }
+}
+
+fn lines(path: &Path) -> Vec<String> {
+    fs::read_to_string(path).unwrap().lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+}
+
+/// `cameras.txt` and `images.txt`, after COLMAP's page on its formats.
+fn colmap(sparse: &Path) -> Vec<View> {
+    let mut lenses = BTreeMap::new();
+    for line in lines(&sparse.join("cameras.txt")) {
+        let words: Vec<&str> = line.split(' ').collect();
+        assert_eq!((words[1], words[2], words[3], words.len()), ("PINHOLE", "160", "120", 8), "{line}");
+        lenses.insert(words[0].to_owned(), [4, 5, 6, 7].map(|i| words[i].parse::<f64>().unwrap()));
+    }
+    let of_images = lines(&sparse.join("images.txt"));
+    let pairs = of_images.chunks(2).zip(1..).map(|(pair, id)| {
+        assert_eq!(pair.get(1).map(String::as_str), Some(""), "the points that {} shows", pair[0]);
+        let words: Vec<&str> = pair[0].split(' ').collect();
+        assert_eq!((words.len(), words[0]), (10, id.to_string().as_str()), "{}", pair[0]);
+        let [w, x, y, z, tx, ty, tz] = [1, 2, 3, 4, 5, 6, 7].map(|i| words[i].parse::<f64>().unwrap());
+        assert!((w * w + x * x + y * y + z * z - 1.0).abs() < 1e-12);
+        // Rows of the rotation of a unit quaternion.
+        let turn = DMat3::from_cols(
+            DVec3::new(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            DVec3::new(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            DVec3::new(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )
+        .transpose();
+        View { name: words[9].to_owned(), turn, shift: DVec3::new(tx, ty, tz), lens: lenses[words[8]] }
+    });
+    pairs.collect()
+}
+
+#[test]
+fn a_reader_of_colmap_meets_the_pixels() {
+    let dir = folder();
+    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --format exr --reference 64 --frames";
+    done(dir.path(), &format!("{line} 3,1,2"));
+    let root = dir.path().join("train");
+    let views = colmap(&root.join("sparse/0"));
+    // In the order of their names, whatever the order of the frames.
+    assert_eq!(views.iter().map(|view| &*view.name).collect::<Vec<_>>(), ["0001.exr", "0002.exr", "0003.exr"]);
+    for (view, frame) in views.iter().zip(1..) {
+        assert!(root.join("images").join(&view.name).is_file());
+        for (channel, place) in places(f64::from(frame)).into_iter().enumerate() {
+            let [there, told] =
+                [seen(&root.join("sharp").join(format!("000{frame}-0.exr")), channel), view.pixel(place)];
+            // Measured: at most 0.032 pixels, by noise; a ball is 5 wide.
+            assert!(there.distance(told) < 0.05, "{} {channel}: {there} {told}", view.name);
+        }
+    }
+    // Points: on the balls, in the middle of the first frame's exposure, with their colours.
+    let mut counts = [0; 3];
+    for (line, id) in lines(&root.join("sparse/0/points3D.txt")).iter().zip(1..) {
+        let words: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
+        assert_eq!((words.len(), words[0], words[7]), (8, f64::from(id), 0.0), "{line}");
+        let ball = [4, 5, 6].iter().position(|&i| words[i] == 255.0).unwrap();
+        assert_eq!(words[4] + words[5] + words[6], 255.0, "{line}");
+        let place = DVec3::new(words[1], words[2], words[3]);
+        // The first frame that was named.
+        assert!((place.distance(places(3.0)[ball]) - 0.06).abs() < 1e-9, "{line}");
+        counts[ball] += 1;
+    }
+    assert_eq!(counts, [1000; 3]);
+
+    // It is made again, and it is a camera track of this program.
+    done(dir.path(), "dataset --replay train/transforms.json --out again --quiet");
+    for name in ["cameras.txt", "images.txt", "points3D.txt"] {
+        let [made, again] =
+            ["train", "again"].map(|folder| fs::read(dir.path().join(folder).join("sparse/0").join(name)));
+        assert!(made.unwrap() == again.unwrap(), "{name}");
+    }
+}
