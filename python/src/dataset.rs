@@ -40,6 +40,7 @@ impl Choices {
             response: Response::Linear,
             noise,
             flow: self.flow,
+            held_out: None,
         })
     }
 }
@@ -121,7 +122,7 @@ pub(crate) fn to_arrays<'py>(
                 sharp.push((number, colours(py, picture)?));
                 continue;
             }
-            (Role::Middle, _) => continue,
+            (Role::Middle | Role::Held | Role::Test, _) => continue,
             (_, FileContents::Picture(picture, ..)) => {
                 dict.set_item("blurred", colours(py, picture)?)?;
                 continue;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::files::{File, Role, files};
-use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant};
+use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant, at_middle};
 use crate::backend::{Achieved, Backend, BackendError};
 use crate::film::{Aov, Picture};
 use crate::image::{self, Format, ImageError, Response};
@@ -127,6 +127,11 @@ pub fn frame<E: From<DatasetError>>(
             put(Role::Middle, coloured(made.clone()))?;
         }
         put(Role::Sharp(number), coloured(made))?;
+    }
+    if recipe.holds_out(frame) {
+        let made = picture(backend, &at_middle(scene), frame, &by, &[])?.picture;
+        put(Role::Test, coloured(made.clone()))?;
+        put(Role::Held, coloured(made))?;
     }
     if recipe.flow {
         let pairs = [(Role::OpenClose, [0.0, 1.0]), (Role::MiddleClose, [MIDDLE, 1.0])];

@@ -3,12 +3,15 @@
 //!
 //! A [`Recipe`] says what is made. `files` lists the files of a frame, `frame` makes them, `noise` is that of the
 //! camera's sensor, and `transforms` writes the list of all frames. `common` makes the other files that all frames
-//! share: `views` in their order, and `points` for a start, as `colmap` writes them.
+//! share: `views` in their order, and `points` for a start, as `colmap` and `llff` write them. `held_out` are views for
+//! a test.
 
 mod colmap;
 mod common;
 mod files;
 mod frame;
+mod held_out;
+mod llff;
 mod noise;
 mod points;
 mod transforms;
@@ -23,6 +26,7 @@ use crate::time::{Shutter, Weight};
 pub use self::common::{CommonFile, common_files};
 pub use self::files::{File, FolderLayout, Role, files};
 pub use self::frame::{DatasetError, FileContents, Made, frame};
+pub use self::held_out::HeldOut;
 pub use self::noise::{Noise, NoiseError};
 pub use self::transforms::{Origin, TRANSFORMS, transforms};
 
@@ -49,6 +53,8 @@ pub struct Recipe {
     pub noise: Noise,
     /// Whether the flow is written.
     pub flow: bool,
+    /// Views for a test. The layout `gopro` knows none.
+    pub held_out: Option<HeldOut>,
 }
 
 /// What makes pictures.
@@ -90,6 +96,13 @@ fn at_instant(scene: &Scene, share: f64) -> Scene {
     scene
 }
 
+/// The scene of a view for a test: the middle of the shutter alone, in all rows at once.
+fn at_middle(scene: &Scene) -> Scene {
+    let mut scene = at_instant(scene, MIDDLE);
+    scene.shutter.readout.duration = 0.0;
+    scene
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,6 +116,7 @@ mod tests {
             response: Response::Srgb,
             noise: Noise::default(),
             flow: true,
+            held_out: None,
         }
     }
 

@@ -83,7 +83,11 @@ impl Exposure {
 
 #[derive(Serialize)]
 struct Entry {
+    /// The blurred picture, or the sharp one of a view that is held out.
     file_path: String,
+    /// The blurred picture of a view that is held out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    blurred: Option<String>,
     /// Number of the frame.
     frame: FrameNumber,
     /// Focal length of the frame; `None`: all have one.
@@ -190,8 +194,11 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
         Some(Sharp { file_path, weight, instant: instant(share) })
     });
     let sharp = sharp.collect();
+    let (held, blur) = (path(Role::Held), path(Role::Blur));
+    let (file_path, blurred) = if held.is_some() { (held, blur) } else { (blur, None) };
     Entry {
-        file_path: path(Role::Blur).unwrap_or_default(),
+        file_path: file_path.unwrap_or_default(),
+        blurred,
         frame,
         fl_x: None,
         fl_y: None,

@@ -13,6 +13,7 @@ use crate::time::FrameNumber;
 pub(super) struct View {
     /// The name of the file, without its folder.
     pub(super) name: String,
+    pub(super) frame: FrameNumber,
     /// The camera in the middle of the shutter: it looks along -z, and +y is up.
     pub(super) camera_from_world: DMat4,
     /// Focal length, pixels.
@@ -25,6 +26,7 @@ pub(super) fn views(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> V
         let time = scene.shutter.frame_time(frame.get(), MIDDLE);
         View {
             name: name(scene, frame, recipe),
+            frame,
             camera_from_world: camera_from_world(scene, time),
             focal: focal_of(scene, frame),
         }

@@ -283,7 +283,7 @@ fn what_makes_no_sense_is_one_line() {
         ("dataset ball.xml --mode still", "--mode still makes no blur"),
         ("dataset ball.xml --reference 100", "a multiple of 16"),
         ("dataset ball.xml --reference 16 --error draft", "cannot be used with"),
-        ("dataset ball.xml --layout kitti", "[possible values: nerfstudio, gopro, colmap]"),
+        ("dataset ball.xml --layout kitti", "[possible values: nerfstudio, gopro, colmap, deblur-nerf]"),
         (
             "dataset --replay truth/transforms.json --sharp 5",
             "--replay takes all choices from its file: leave --sharp=5",

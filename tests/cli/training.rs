@@ -154,3 +154,112 @@ fn a_reader_of_colmap_meets_the_pixels() {
         assert!(made.unwrap() == again.unwrap(), "{name}");
     }
 }
+
+/// A file of `NumPy`, version 1.0, of 64-bit floats by rows: its shape and its values.
+fn npy(path: &Path) -> (Vec<usize>, Vec<f64>) {
+    let bytes = fs::read(path).unwrap();
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let data = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    assert_eq!(data % 64, 0);
+    let header = std::str::from_utf8(&bytes[10..data]).unwrap();
+    assert!(header.ends_with(" \n") && header.contains("'descr': '<f8'"), "{header}");
+    assert!(header.contains("'fortran_order': False"), "{header}");
+    let shape = header.split(['(', ')']).nth(1).unwrap();
+    let shape = shape.split(',').map(|word| word.trim().parse().unwrap()).collect();
+    let values = bytes[data..].chunks(8).map(|chunk| f64::from_le_bytes(chunk.try_into().unwrap())).collect();
+    (shape, values)
+}
+
+#[test]
+fn a_reader_of_llff_meets_the_pixels() {
+    let dir = folder();
+    let line = "dataset balls.xml --out train --layout deblur-nerf --hold 2 --sharp 1 --no-flow --reference 64";
+    done(dir.path(), line);
+    let root = dir.path().join("train");
+    let names = |folder: &str| {
+        let entries = fs::read_dir(root.join(folder)).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    let pictures = names("images");
+    assert_eq!(pictures, ["0001.png", "0002.png", "0003.png"]);
+    // The first of two, by name.
+    assert_eq!((names("images_test"), names("images_test_blurred")), (held(), held()));
+    assert_eq!(fs::read(root.join("hold=2")).unwrap(), b"");
+
+    let (shape, values) = npy(&root.join("poses_bounds.npy"));
+    assert_eq!(shape, [3, 17]);
+    for ((row, name), frame) in values.chunks(17).zip(&pictures).zip(1..) {
+        // As the loader of NeRF (Mildenhall et al. 2020) does: columns right, up, back, place, and height, width, focal.
+        let column = |at: usize| DVec3::new(row[at], row[5 + at], row[10 + at]);
+        let (right, up, back, eye) = (column(1), -column(0), column(2), column(3));
+        let (height, width, focal) = (row[4], row[9], row[14]);
+        assert_eq!((height, width), (120.0, 160.0));
+        assert!((right.cross(up) - back).length() < 1e-12 && (right.length() - 1.0).abs() < 1e-12);
+        let of_colmap = &colmap(&root.join("sparse/0"))[frame - 1];
+        assert_eq!((&of_colmap.name, of_colmap.lens[0]), (name, focal));
+        let mut depths = [0.0; 3];
+        for (channel, place) in places(frame as f64).into_iter().enumerate() {
+            let p = place - eye;
+            depths[channel] = -p.dot(back);
+            let told = DVec2::new(p.dot(right), -p.dot(up)) * focal / depths[channel] + 0.5 * DVec2::new(width, height);
+            let there = seen(&root.join("sharp").join(format!("000{frame}-0.png")), channel);
+            // Measured: at most 0.033 pixels.
+            assert!(there.distance(told) < 0.05, "{name} {channel}: {there} {told}");
+            assert!(of_colmap.pixel(place).distance(told) < 1e-9);
+        }
+        // The nearest ball's front, and the farthest one's outline: 0.06 before, and at its middle.
+        let (near, far) = depths.iter().fold((f64::INFINITY, 0.0_f64), |(near, far), &z| (near.min(z), far.max(z)));
+        assert!((row[15] - near + 0.06).abs() < 0.01, "{} {near}", row[15]);
+        assert!((-0.06..0.01).contains(&(row[16] - far)), "{} {far}", row[16]);
+    }
+
+    // Held-out views are sharp, also where they are blurred elsewhere.
+    let bytes = |name: &str| image::read(&root.join(name)).unwrap();
+    for name in held() {
+        let sharp = bytes(&format!("images/{name}"));
+        assert!(sharp == bytes(&format!("images_test/{name}")));
+        assert!(sharp == bytes(&format!("sharp/{}-0.png", &name[..4])));
+        assert!(sharp != bytes(&format!("images_test_blurred/{name}")));
+    }
+    assert!(bytes("images/0002.png") != bytes("sharp/0002-0.png"));
+    let said: serde_json::Value = serde_json::from_slice(&fs::read(root.join("transforms.json")).unwrap()).unwrap();
+    assert_eq!(said["frames"][2]["blurred"], "images_test_blurred/0003.png");
+
+    // Another choice makes others anew, and the reader finds one `hold=n`.
+    done(dir.path(), &line.replace("--hold 2", "--hold 3 --resume"));
+    assert!(!root.join("hold=2").exists() && root.join("hold=3").exists());
+    assert!(bytes("images/0003.png") != bytes("sharp/0003-0.png"));
+}
+
+fn held() -> Vec<String> {
+    ["0001.png", "0003.png"].map(str::to_owned).into()
+}
+
+/// A rolling shutter is in the blurred picture alone: a test view has all rows at once.
+#[test]
+fn a_test_view_has_no_rolling_shutter() {
+    let dir = folder();
+    let line = "dataset balls.xml --layout deblur-nerf --sharp 1 --no-flow --reference 16";
+    done(dir.path(), &format!("{line} --out global"));
+    done(dir.path(), &format!("{line} --out rolling --readout 0.5"));
+    let picture = |name: &str| image::read(&dir.path().join(name)).unwrap();
+    assert!(picture("rolling/images_test/0001.png") == picture("global/images_test/0001.png"));
+    assert!(picture("rolling/images_test/0001.png") != picture("rolling/sharp/0001-0.png"));
+}
+
+#[test]
+fn wrong_choices_for_training_are_one_line() {
+    let dir = folder();
+    for (line, expected) in [
+        ("--layout deblur-nerf --hold 1", "1 is not in 2..="),
+        ("--hold many", "invalid value 'many'"),
+        ("--layout gopro --hold 8", "--hold is not for --layout gopro"),
+        ("--layout deblur-nerf --frames 2", "--hold 8 leaves no view for training: there is only one frame"),
+    ] {
+        let (status, said, errors) = run(dir.path(), &format!("dataset balls.xml --quiet {line}"));
+        assert_eq!((status, said.as_str(), errors.lines().count()), (Some(2), "", 1), "{line}: {errors}");
+        assert!(errors.contains(expected), "{line}: {errors}");
+    }
+}

@@ -15,7 +15,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use serde::Serialize;
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
-use splatblur::dataset::{self, By, FolderLayout, MOST_SHARP, Noise, Recipe, TRANSFORMS};
+use splatblur::dataset::{self, By, FolderLayout, HeldOut, MOST_SHARP, Noise, Recipe, TRANSFORMS};
 use splatblur::files;
 use splatblur::image::{Bits, Exr, Format, Precision, Response};
 use splatblur::options::{BlurMode, Quality};
@@ -61,6 +61,8 @@ Examples:
     splatblur dataset scene.xml --out train --layout gopro
   Pictures, cameras and points for programs that fit 3D Gaussians:
     splatblur dataset scene.xml --out train --layout colmap
+  The same for Deblur-NeRF and its successors; every eighth view is sharp, for a test:
+    splatblur dataset scene.xml --out train --layout deblur-nerf --hold 8
   The same bytes once more:
     splatblur dataset --replay truth/transforms.json --out again
 
@@ -68,7 +70,8 @@ Files (--layout nerfstudio): images/0012.png, sharp/0012-0.png and so on, flow/0
 0012-middle-close.exr (R: pixels right, G: pixels down, B: valid, A: seen at the second instant too), depth/0012.exr,
 alpha/0012.exr, error/0012.exr, transforms.json. --layout gopro: <scene>/blur/000012.png, <scene>/sharp/000012.png (the
 middle), <scene>/instants/000012-0.png and so on, and all others in <scene>/ too. --layout colmap: as nerfstudio, and
-sparse/0/cameras.txt, images.txt and points3D.txt (docs/training.md).
+sparse/0/cameras.txt, images.txt and points3D.txt. --layout deblur-nerf: as colmap, and poses_bounds.npy, hold=8,
+images_test/0000.png and so on (sharp), images_test_blurred/0000.png (docs/training.md).
 
 JSON (--json), one object: program, scene, directory, transforms, backend, frames: [{{frame, skipped, seconds, auto (as
 in `render`), mean_error (with --reference)}}], seconds, notes."))]
@@ -89,8 +92,8 @@ pub(super) struct Dataset {
         help_heading = "Output"
     )]
     frames: Option<FrameList>,
-    /// Where files lie: as nerfstudio loads them, in the folders of the GOPRO dataset, or with cameras and points as
-    /// COLMAP writes them.
+    /// Where files lie: as nerfstudio loads them, in the folders of the GOPRO dataset, with cameras and points as COLMAP
+    /// writes them, or as the reader of Deblur-NeRF wants them.
     #[arg(
         long,
         default_value = "nerfstudio",
@@ -111,6 +114,16 @@ pub(super) struct Dataset {
         help_heading = "Output"
     )]
     sharp: u32,
+    /// Hold out the first of all views and every N-th after it, in the order of their names: their pictures in images/
+    /// are sharp, as those are that results are judged by [default: 8 with --layout deblur-nerf, else none].
+    #[arg(
+        long,
+        value_name = "N",
+        allow_hyphen_values = true,
+        value_parser = clap::value_parser!(u32).range(i64::from(HeldOut::LEAST)..),
+        help_heading = "Output"
+    )]
+    hold: Option<u32>,
     /// Leave the flow out. Volumes have none.
     #[arg(long, help_heading = "Output")]
     no_flow: bool,
@@ -165,6 +178,9 @@ pub(super) struct Dataset {
     #[command(flatten)]
     running: Running,
 }
+
+/// One view of so many is held out in data for Deblur-NeRF, as in that of LLFF.
+const HOLD: u32 = 8;
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -231,6 +247,7 @@ impl Dataset {
             bail!("--noise is that of a sensor, which sees no transparent background; take --background");
         }
         let frames = frames_of(choices.frames.as_ref(), &scene)?;
+        recipe.held_out = choices.held_out(frames.all())?;
         let settings = settings(&scene, path, &recipe, backend)?;
         let origin = recorded.origin(&settings, backend, &recipe)?;
         let seed = choices.sampling.seed;
@@ -298,7 +315,22 @@ impl Dataset {
             response: self.response.unwrap_or_default(),
             noise: self.noise,
             flow: !self.no_flow,
+            held_out: None,
         })
+    }
+
+    /// The views that are held out.
+    fn held_out(&self, frames: &[FrameNumber]) -> anyhow::Result<Option<HeldOut>> {
+        let by_layout = (self.layout == FolderLayout::DeblurNerf).then_some(HOLD);
+        let Some(every) = self.hold.or(by_layout) else { return Ok(None) };
+        if self.layout == FolderLayout::Gopro {
+            bail!("--hold is not for --layout gopro, which has a directory for training and one for tests");
+        }
+        let held_out = HeldOut::every(every, frames);
+        if held_out.count() == frames.len() {
+            bail!("--hold {every} leaves no view for training: there is only one frame");
+        }
+        Ok(Some(held_out))
     }
 
     fn by(&self) -> anyhow::Result<By> {

@@ -33,6 +33,9 @@ struct FileSettings<'a> {
     sharp: u32,
     response: String,
     noise: String,
+    /// The sharp picture may have the name that the blurred one had before.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    held_out: bool,
     #[serde(flatten)]
     settings: Settings,
 }
@@ -55,7 +58,8 @@ impl Output<'_> {
     fn settings_of(&self, file: &str, frame: FrameNumber) -> Result<String, serde_json::Error> {
         let Recipe { sharp, response, noise, .. } = *self.recipe;
         let (response, noise) = (response.to_string(), noise.to_string());
-        serde_json::to_string(&FileSettings { file, sharp, response, noise, settings: self.settings.with_frame(frame) })
+        let (held_out, settings) = (self.recipe.holds_out(frame), self.settings.with_frame(frame));
+        serde_json::to_string(&FileSettings { file, sharp, response, noise, held_out, settings })
     }
 
     /// Are all files of a frame there, whole and with these settings?
@@ -94,7 +98,12 @@ impl Output<'_> {
 
     /// Writes the files that all frames share, of these `frames`; last of all the text of `transforms.json`.
     pub(super) fn conclude(&self, gate: &Mutex<()>, frames: &[FrameNumber], transforms: &str) -> anyhow::Result<()> {
-        let common = dataset::common_files(self.scene, frames, self.recipe)?;
+        let depth = |file: &dataset::File| {
+            let (_, planes) = image::read_planes(&self.directory.join(&file.path), &["Y"])?;
+            Ok(planes.into_iter().next().unwrap_or_default())
+        };
+        let common = dataset::common_files::<DatasetFrameError>(self.scene, frames, self.recipe, depth)?;
+        self.forget_other_holds(&common)?;
         let files = common.iter().map(|file| (&*file.path, &*file.bytes)).chain([(TRANSFORMS, transforms.as_bytes())]);
         for (path, bytes) in files {
             let path = self.directory.join(path);
@@ -102,6 +111,22 @@ impl Output<'_> {
             let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
             fs::create_dir_all(folder).with_context(|| format!("cannot make the directory {}", folder.display()))?;
             files::replace(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+
+    /// Removes empty files `hold=n` of runs before that held out others: a reader takes the first that it finds.
+    fn forget_other_holds(&self, common: &[dataset::CommonFile]) -> anyhow::Result<()> {
+        let cannot = || format!("cannot look into {}", self.directory.display());
+        for entry in fs::read_dir(self.directory).with_context(cannot)? {
+            let entry = entry.with_context(cannot)?;
+            let name = entry.file_name();
+            let is_hold = name.to_str().is_some_and(|name| name.starts_with("hold="));
+            let is_ours = common.iter().any(|file| name.to_str() == Some(&file.path));
+            if is_hold && !is_ours && entry.metadata().is_ok_and(|about| about.is_file() && about.len() == 0) {
+                let path = entry.path();
+                fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+            }
         }
         Ok(())
     }
