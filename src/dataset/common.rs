@@ -1,11 +1,16 @@
 //! Files that all frames share, beside `transforms.json`.
 
+use std::fmt::Write as _;
+
 use super::files::{File, FolderLayout, Role, files};
-use super::points::start_points;
+use super::points::{StartPoint, start_points};
 use super::views::views;
 use super::{DatasetError, Recipe, colmap, llff};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
+
+/// The points for a start, by the name that nerfstudio gives them.
+pub(super) const PLY: &str = "sparse_pc.ply";
 
 /// A file that all frames share.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,13 +33,15 @@ pub fn common_files<E: From<DatasetError>>(
 ) -> Result<Vec<CommonFile>, E> {
     let Some(&first) = frames.first() else { return Ok(Vec::new()) };
     let is_llff = recipe.layout == FolderLayout::DeblurNerf;
-    let has_sparse = is_llff || recipe.layout == FolderLayout::Colmap;
-    if !has_sparse {
+    if recipe.layout == FolderLayout::Gopro {
         return Ok(Vec::new());
     }
     let points = start_points(scene, first, recipe.response).map_err(DatasetError::from)?;
-    let views = views(scene, frames, recipe);
     let text = |path: String, text: String| CommonFile { path, bytes: text.into_bytes() };
+    if recipe.layout == FolderLayout::Nerfstudio {
+        return Ok(vec![text(PLY.to_owned(), ply(&points))]);
+    }
+    let views = views(scene, frames, recipe);
     let sparse = colmap::files(scene, &views, &points);
     let mut common: Vec<CommonFile> = sparse.map(|(name, of)| text(format!("sparse/0/{name}"), of)).into();
     if is_llff {
@@ -53,4 +60,18 @@ pub fn common_files<E: From<DatasetError>>(
         }
     }
     Ok(common)
+}
+
+/// The points as nerfstudio writes them.
+fn ply(points: &[StartPoint]) -> String {
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", points.len());
+    text.extend(["x", "y", "z"].map(|name| format!("property float {name}\n")));
+    text.extend(["red", "green", "blue"].map(|name| format!("property uchar {name}\n")));
+    text.push_str("end_header\n");
+    for StartPoint { position, colour: [red, green, blue] } in points {
+        let [x, y, z] = position.to_array();
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{x} {y} {z} {red} {green} {blue}");
+    }
+    text
 }

@@ -4,8 +4,9 @@
 use glam::{DMat3, DMat4};
 use serde::{Deserialize, Serialize};
 
-use super::files::{Role, files};
-use super::views::{focal_of, principal_point};
+use super::common::PLY;
+use super::files::{FolderLayout, Role, files};
+use super::views::{focal_of, picture, principal_point};
 use super::{MIDDLE, Recipe};
 use crate::scene::Scene;
 use crate::scene::pose::camera_from_world;
@@ -52,7 +53,31 @@ struct Head<'a> {
     response: String,
     noise: String,
     seed: u64,
+    /// Points for a start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ply_file_path: Option<&'static str>,
+    #[serde(flatten)]
+    split: Option<Split>,
     splatblur: &'a Origin,
+}
+
+/// Pictures to train on, and those that are held out. nerfstudio asks for the latter under two names.
+#[derive(Serialize)]
+struct Split {
+    train_filenames: Vec<String>,
+    val_filenames: Vec<String>,
+    test_filenames: Vec<String>,
+}
+
+impl Split {
+    /// None where no view is held out: a reader then splits them as it likes.
+    fn of(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> Option<Self> {
+        recipe.held_out.as_ref()?;
+        let (test, train): (Vec<FrameNumber>, _) = frames.iter().partition(|frame| recipe.holds_out(**frame));
+        let names = |frames: Vec<FrameNumber>| frames.into_iter().map(|frame| picture(scene, frame, recipe)).collect();
+        let test_filenames: Vec<String> = names(test);
+        Some(Self { train_filenames: names(train), val_filenames: test_filenames.clone(), test_filenames })
+    }
 }
 
 /// The shutter. All of it that decides when a pixel is exposed is said here, and nowhere else.
@@ -106,6 +131,8 @@ struct Entry {
     #[serde(skip_serializing_if = "Option::is_none")]
     flow_middle_close: Option<String>,
     depth: Option<String>,
+    /// The same by the name of nerfstudio.
+    depth_file_path: Option<String>,
     alpha: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
@@ -157,6 +184,8 @@ pub fn transforms(
         response: recipe.response.to_string(),
         noise: recipe.noise.to_string(),
         seed,
+        ply_file_path: (recipe.layout == FolderLayout::Nerfstudio).then_some(PLY),
+        split: Split::of(scene, frames, recipe),
         splatblur: origin,
     };
     let entry = |&frame: &FrameNumber| {
@@ -194,11 +223,10 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
         Some(Sharp { file_path, weight, instant: instant(share) })
     });
     let sharp = sharp.collect();
-    let (held, blur) = (path(Role::Held), path(Role::Blur));
-    let (file_path, blurred) = if held.is_some() { (held, blur) } else { (blur, None) };
+    let depth = path(Role::Depth);
     Entry {
-        file_path: file_path.unwrap_or_default(),
-        blurred,
+        file_path: picture(scene, frame, recipe),
+        blurred: path(Role::Blur).filter(|_| recipe.holds_out(frame)),
         frame,
         fl_x: None,
         fl_y: None,
@@ -209,7 +237,8 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
         sharp,
         flow_open_close: path(Role::OpenClose),
         flow_middle_close: path(Role::MiddleClose),
-        depth: path(Role::Depth),
+        depth_file_path: depth.clone(),
+        depth,
         alpha: path(Role::Alpha),
         error: path(Role::Error),
     }

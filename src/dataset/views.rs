@@ -25,7 +25,7 @@ pub(super) fn views(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> V
     let view = |&frame: &FrameNumber| {
         let time = scene.shutter.frame_time(frame.get(), MIDDLE);
         View {
-            name: name(scene, frame, recipe),
+            name: picture(scene, frame, recipe).rsplit('/').next().unwrap_or_default().to_owned(),
             frame,
             camera_from_world: camera_from_world(scene, time),
             focal: focal_of(scene, frame),
@@ -36,10 +36,11 @@ pub(super) fn views(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> V
     views
 }
 
-/// The name of the picture of a frame, without its folder.
-fn name(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> String {
-    let path = files(&scene.name, frame, recipe).into_iter().find(|file| file.role == Role::Blur).map(|file| file.path);
-    path.map_or_else(String::new, |path| path.rsplit('/').next().unwrap_or_default().to_owned())
+/// The picture of a frame among those that readers find: the blurred one, or the sharp one of a view that is held out.
+pub(super) fn picture(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> String {
+    let wanted = if recipe.holds_out(frame) { Role::Held } else { Role::Blur };
+    let file = files(&scene.name, frame, recipe).into_iter().find(|file| file.role == wanted);
+    file.map_or_else(String::new, |file| file.path)
 }
 
 /// Focal length of a frame, pixels.

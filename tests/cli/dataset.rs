@@ -89,8 +89,11 @@ fn a_dataset_has_its_files_and_can_be_made_again() {
             format!("sharp/000{n}-2.png"),
         ]
     };
-    let mut wanted: Vec<String> =
-        of_frame(1).into_iter().chain(of_frame(2)).chain(["transforms.json".into()]).collect();
+    let mut wanted: Vec<String> = of_frame(1)
+        .into_iter()
+        .chain(of_frame(2))
+        .chain(["sparse_pc.ply", "transforms.json"].map(str::to_owned))
+        .collect();
     wanted.sort();
     assert!(made.keys().eq(&wanted), "{:?}", made.keys());
 

@@ -263,3 +263,47 @@ fn wrong_choices_for_training_are_one_line() {
         assert!(errors.contains(expected), "{line}: {errors}");
     }
 }
+
+#[test]
+fn a_reader_of_nerfstudio_finds_depth_points_and_views_for_a_test() {
+    let dir = folder();
+    let common = "dataset balls.xml --sharp 1 --no-flow --reference 16";
+    let said = |name: &str, rest: &str| -> serde_json::Value {
+        done(dir.path(), &format!("{common} --out {name}{rest}"));
+        serde_json::from_slice(&fs::read(dir.path().join(name).join("transforms.json")).unwrap()).unwrap()
+    };
+    let plain = said("plain", "");
+    // It splits them itself.
+    assert!(
+        ["train_filenames", "val_filenames", "test_filenames"].iter().all(|key| plain.get(key).is_none()),
+        "{plain}"
+    );
+    // No masks are written.
+    assert!(plain["frames"][0].get("mask_path").is_none());
+    let held = said("held", " --hold 2 --frames 3,1,2");
+    assert_eq!(held["train_filenames"], serde_json::json!(["images/0002.png"]));
+    assert_eq!(held["test_filenames"], serde_json::json!(["images/0003.png", "images/0001.png"]));
+    assert_eq!(held["val_filenames"], held["test_filenames"]);
+    for frame in held["frames"].as_array().unwrap() {
+        for key in ["file_path", "depth_file_path"] {
+            assert!(dir.path().join("held").join(frame[key].as_str().unwrap()).is_file(), "{key}");
+        }
+    }
+    let [file, sharp] =
+        ["images/0001.png", "sharp/0001-0.png"].map(|name| image::read(&dir.path().join("held").join(name)));
+    assert!(file.unwrap() == sharp.unwrap());
+
+    let path = dir.path().join("plain").join(plain["ply_file_path"].as_str().unwrap());
+    let text = fs::read_to_string(path).unwrap();
+    let (header, body) = text.split_once("end_header\n").unwrap();
+    let properties: Vec<&str> = header.lines().filter_map(|line| line.strip_prefix("property ")).collect();
+    assert_eq!(properties, ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue"]);
+    assert!(header.starts_with("ply\nformat ascii 1.0\nelement vertex 3000\n"), "{header}");
+    assert_eq!(body.lines().count(), 3000);
+    for line in body.lines() {
+        let words: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
+        let ball = [3, 4, 5].iter().position(|&i| words[i] == 255.0).unwrap();
+        let place = DVec3::new(words[0], words[1], words[2]);
+        assert!((place.distance(places(1.0)[ball]) - 0.06).abs() < 1e-9, "{line}");
+    }
+}
