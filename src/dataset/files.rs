@@ -118,9 +118,10 @@ impl Recipe {
         self.held_out.as_ref().is_some_and(|held_out| held_out.contains(frame))
     }
 
-    /// Is there an error of the blurred picture? Modes but `auto` know none.
+    /// Is there an error of the blurred picture? Modes but `auto` know none, and the mean of sharp pictures has none.
     pub fn has_error(&self) -> bool {
         match &self.by {
+            _ if self.exact => false,
             By::Splatting(options) => matches!(options.quality, Quality::Error(_)),
             By::Tracing(_) => true,
         }

@@ -12,7 +12,7 @@ use crate::model::ModelError;
 use crate::options::{BlurMode, Look, Quality, RenderOptions};
 use crate::reference::{self, Flow, ReferenceError, ReferenceOptions};
 use crate::renderer::render_frame;
-use crate::scene::Scene;
+use crate::scene::{ImageSettings, Scene};
 use crate::time::FrameNumber;
 
 /// Why a frame of a dataset cannot be made.
@@ -117,6 +117,7 @@ pub fn frame<E: From<DatasetError>>(
     let has_middle = instants.contains(&MIDDLE);
     let own_middle = (!has_middle).then_some((usize::MAX, MIDDLE));
     let by = recipe.by.at_instant();
+    let mut mean = Mean::default();
     for (number, share) in instants.into_iter().enumerate().chain(own_middle) {
         let is_middle = share == MIDDLE;
         let layers: &[Aov] = if is_middle { &[Aov::Alpha, Aov::Depth] } else { &[] };
@@ -125,6 +126,9 @@ pub fn frame<E: From<DatasetError>>(
             put(Role::Depth, FileContents::planes(width, &["Y"], planes(&made, Aov::Depth), DEPTH))?;
             put(Role::Alpha, FileContents::planes(width, &["Y"], planes(&made, Aov::Alpha), ALPHA))?;
             put(Role::Middle, coloured(made.clone()))?;
+        }
+        if recipe.exact && number < recipe.sharp as usize {
+            mean.add(&made);
         }
         put(Role::Sharp(number), coloured(made))?;
     }
@@ -141,11 +145,39 @@ pub fn frame<E: From<DatasetError>>(
         }
     }
     let layers: &[Aov] = if recipe.has_error() { &[Aov::Error] } else { &[] };
-    let Pictured { mut picture, made } = picture(backend, scene, frame, &recipe.by, layers)?;
+    let Pictured { mut picture, made } = if recipe.exact {
+        let picture = mean.picture(&scene.image);
+        Pictured { picture, made: Made { achieved: None, mean_error: None } }
+    } else {
+        picture(backend, scene, frame, &recipe.by, layers)?
+    };
     put(Role::Error, FileContents::planes(width, &COLOURS, planes(&picture, Aov::Error), ERROR))?;
     recipe.noise.add(&mut picture, seed, frame);
     put(Role::Blur, coloured(picture))?;
     Ok(made)
+}
+
+/// The mean of pictures in linear light.
+#[derive(Default)]
+struct Mean {
+    sums: Vec<[f64; 4]>,
+    pictures: u32,
+}
+
+impl Mean {
+    fn add(&mut self, picture: &Picture) {
+        self.sums.resize(picture.rgba.len(), [0.0; 4]);
+        self.pictures += 1;
+        for (sum, value) in self.sums.iter_mut().flatten().zip(picture.rgba.iter().flatten()) {
+            *sum += f64::from(*value);
+        }
+    }
+
+    fn picture(&self, image: &ImageSettings) -> Picture {
+        let pictures = f64::from(self.pictures.max(1));
+        let rgba = self.sums.iter().map(|sums| sums.map(|sum| (sum / pictures) as f32)).collect();
+        Picture { width: image.width, height: image.height, rgba, layers: Vec::new() }
+    }
 }
 
 /// A picture, and what is known of it.

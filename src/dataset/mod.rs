@@ -53,6 +53,8 @@ pub struct Recipe {
     pub noise: Noise,
     /// Whether the flow is written.
     pub flow: bool,
+    /// Is the blurred picture the plain mean of the sharp ones, in linear light? Else it is rendered by itself.
+    pub exact: bool,
     /// Views for a test. The layout `gopro` knows none.
     pub held_out: Option<HeldOut>,
 }
@@ -77,9 +79,13 @@ impl Recipe {
     }
 
     /// Shares of the exposure that the sharp pictures stand for: each takes what lies nearer to it than to its
-    /// neighbours. The sum of the pictures with these weights tends to the blurred one.
+    /// neighbours. The sum of the pictures with these weights tends to the blurred one. With `exact` all weigh the
+    /// same, and the sum is the blurred picture.
     pub fn weights(&self, weight: &Weight) -> Vec<f64> {
         let instants = self.instants();
+        if self.exact {
+            return vec![1.0 / instants.len() as f64; instants.len()];
+        }
         let between = |pair: &[f64]| 0.5 * (pair[0] + pair[1]);
         let edges: Vec<f64> =
             std::iter::once(0.0).chain(instants.windows(2).map(between)).chain(std::iter::once(1.0)).collect();
@@ -116,6 +122,7 @@ mod tests {
             response: Response::Srgb,
             noise: Noise::default(),
             flow: true,
+            exact: false,
             held_out: None,
         }
     }
@@ -128,6 +135,7 @@ mod tests {
         // The trapezoid rule.
         assert_eq!(recipe(3).weights(&Weight::Box), [0.25, 0.5, 0.25]);
         assert_eq!(recipe(1).weights(&Weight::Tent), [1.0]);
+        assert_eq!(Recipe { exact: true, ..recipe(5) }.weights(&Weight::Tent), [0.2; 5]);
         // 2 t: [0, 1/4], [1/4, 3/4], [3/4, 1].
         let ramp = recipe(3).weights(&Weight::Ramp { centre: 1.0 });
         for (seen, wanted) in ramp.iter().zip([0.0625, 0.5, 0.4375]) {

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 use splatblur::image;
+use splatblur::math::srgb;
 
 use crate::run;
 
@@ -254,6 +255,7 @@ fn wrong_choices_for_training_are_one_line() {
     let dir = folder();
     for (line, expected) in [
         ("--layout deblur-nerf --hold 1", "1 is not in 2..="),
+        ("--exact --sharp 1", "take --sharp 2 or more"),
         ("--hold many", "invalid value 'many'"),
         ("--layout gopro --hold 8", "--hold is not for --layout gopro"),
         ("--layout deblur-nerf --frames 2", "--hold 8 leaves no view for training: there is only one frame"),
@@ -306,4 +308,47 @@ fn a_reader_of_nerfstudio_finds_depth_points_and_views_for_a_test() {
         let place = DVec3::new(words[0], words[1], words[2]);
         assert!((place.distance(places(1.0)[ball]) - 0.06).abs() < 1e-9, "{line}");
     }
+}
+
+/// The largest difference between a blurred picture and the mean of its sharp ones: in linear light, as a share of the
+/// value, and in codes of sRGB.
+fn off(root: &Path, ending: &str, sharp: usize) -> (f64, f64) {
+    let picture = |name: String| image::read(&root.join(name)).unwrap();
+    let blurred = picture(format!("images/0001.{ending}"));
+    let sharps: Vec<_> = (0..sharp).map(|i| picture(format!("sharp/0001-{i}.{ending}"))).collect();
+    let code = |light: f64| 255.0 * f64::from(srgb::from_linear(light as f32));
+    let (mut share, mut codes) = (0.0_f64, 0.0_f64);
+    for (i, pixel) in blurred.rgba.iter().enumerate() {
+        for (c, &value) in pixel.iter().enumerate() {
+            let value = f64::from(value);
+            let mean = sharps.iter().map(|picture| f64::from(picture.rgba[i][c])).sum::<f64>() / sharp as f64;
+            share = share.max((value - mean).abs() / mean.max(1e-9));
+            codes = codes.max((code(value) - code(mean)).abs());
+        }
+    }
+    (share, codes)
+}
+
+#[test]
+fn an_exact_blur_is_the_mean_of_the_sharp_pictures() {
+    let dir = folder();
+    let line = "dataset balls.xml --frames 1 --no-flow --sharp 4 --reference 16";
+    for (name, options) in [("exact", " --exact"), ("other", "")] {
+        done(dir.path(), &format!("{line} --format exr --out {name}.exr{options}"));
+        done(dir.path(), &format!("{line} --out {name}.png{options}"));
+    }
+    let off = |name: &str| off(&dir.path().join(name), &name[6..], 4);
+    let [exr, png, other] = ["exact.exr", "exact.png", "other.exr"].map(off);
+    println!("{exr:?} {png:?} {other:?}");
+    // Measured: half a unit in the last place of 24 bits, and 0. codes; a blur of its own is 80 codes away.
+    assert!(exr.0 <= 6e-8 && png.1 < 1.0 && other.1 > 10.0, "{exr:?} {png:?} {other:?}");
+    // All weigh the same; nothing states an error.
+    let said = fs::read(dir.path().join("exact.exr/transforms.json")).unwrap();
+    let said: serde_json::Value = serde_json::from_slice(&said).unwrap();
+    let weights = said["frames"][0]["sharp"].as_array().unwrap().iter().map(|sharp| sharp["weight"].as_f64().unwrap());
+    assert!(weights.eq([0.25; 4]) && said["frames"][0].get("error").is_none(), "{said}");
+    assert!(!dir.path().join("exact.exr/error").exists());
+    // It is another picture: nothing of the one before is kept.
+    let report = done(dir.path(), &format!("{line} --out other.png --exact --resume --json"));
+    assert!(report.contains("\"skipped\": false"), "{report}");
 }

@@ -55,6 +55,8 @@ Examples:
     splatblur dataset scenes/three_objects.xml --out out/truth
   Seven sharp pictures, as linear EXR, each blurred picture with its standard error:
     splatblur dataset scene.xml --out truth --sharp 7 --format exr --reference 256
+  Blurred pictures that are the mean of 31 sharp ones:
+    splatblur dataset scene.xml --out truth --sharp 31 --exact --format exr
   A camera with noise and a response of its own:
     splatblur dataset scene.xml --out truth --noise shot=4000,read=0.002 --response gamma:2.2
   The folders of the GOPRO dataset:
@@ -114,6 +116,10 @@ pub(super) struct Dataset {
         help_heading = "Output"
     )]
     sharp: u32,
+    /// Make the blurred picture the plain mean of the sharp ones in linear light, all with the same weight. With few of
+    /// them it shows steps.
+    #[arg(long, help_heading = "Output")]
+    exact: bool,
     /// Hold out the first of all views and every N-th after it, in the order of their names: their pictures in images/
     /// are sharp, as those are that results are judged by [default: 8 with --layout deblur-nerf, else none].
     #[arg(
@@ -307,6 +313,9 @@ impl Dataset {
                 Format::Png { bits, alpha: false }
             }
         };
+        if self.exact && self.sharp < 2 {
+            bail!("--exact is the mean of several sharp pictures: take --sharp 2 or more");
+        }
         Ok(Recipe {
             layout: self.layout,
             sharp: self.sharp,
@@ -315,6 +324,7 @@ impl Dataset {
             response: self.response.unwrap_or_default(),
             noise: self.noise,
             flow: !self.no_flow,
+            exact: self.exact,
             held_out: None,
         })
     }
@@ -365,8 +375,9 @@ fn headline(scene: &Scene, frames: &FrameList, recipe: &Recipe, place: &str) -> 
         By::Tracing(options) => (format!("{} samples a pixel", options.samples), "the reference".to_owned()),
     };
     let pictures = if recipe.sharp == 1 { "picture" } else { "pictures" };
+    let blurred = if recipe.exact { ", blurred by their mean" } else { "" };
     format!(
-        "{}: {}, {} x {} pixels, {} sharp {pictures} each, {by}, on {place}",
+        "{}: {}, {} x {} pixels, {} sharp {pictures} each{blurred}, {by}, on {place}",
         scene.name,
         frames.in_words(),
         scene.image.width,

@@ -33,6 +33,8 @@ struct FileSettings<'a> {
     sharp: u32,
     response: String,
     noise: String,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    exact: bool,
     /// The sharp picture may have the name that the blurred one had before.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     held_out: bool,
@@ -56,10 +58,10 @@ pub(super) enum DatasetFrameError {
 impl Output<'_> {
     /// The text that a file carries: equal texts, equal files.
     fn settings_of(&self, file: &str, frame: FrameNumber) -> Result<String, serde_json::Error> {
-        let Recipe { sharp, response, noise, .. } = *self.recipe;
+        let Recipe { sharp, response, noise, exact, .. } = *self.recipe;
         let (response, noise) = (response.to_string(), noise.to_string());
         let (held_out, settings) = (self.recipe.holds_out(frame), self.settings.with_frame(frame));
-        serde_json::to_string(&FileSettings { file, sharp, response, noise, held_out, settings })
+        serde_json::to_string(&FileSettings { file, sharp, response, noise, exact, held_out, settings })
     }
 
     /// Are all files of a frame there, whole and with these settings?
