@@ -352,3 +352,37 @@ fn an_exact_blur_is_the_mean_of_the_sharp_pictures() {
     let report = done(dir.path(), &format!("{line} --out other.png --exact --resume --json"));
     assert!(report.contains("\"skipped\": false"), "{report}");
 }
+
+#[test]
+fn progress_can_be_a_line_a_frame() {
+    let dir = folder();
+    let line = "dataset balls.xml --out train --sharp 1 --no-flow --reference 16 --frames 3,1";
+    let said = |line: &str| run(dir.path(), line).2;
+    // As before: nothing in a pipe but what is made.
+    assert_eq!(said(line).lines().count(), 1);
+    let of_frames =
+        |text: &str| text.lines().filter(|line| line.starts_with("frame ")).map(str::to_owned).collect::<Vec<_>>();
+    let lines = of_frames(&said(&format!("{line} --progress lines")));
+    let is_line = |line: &str, begin: &str, end: &str| {
+        let seconds = line.strip_prefix(begin).and_then(|rest| rest.strip_suffix(end));
+        seconds.and_then(|seconds| seconds.parse::<f64>().ok()).is_some_and(|seconds| seconds < 60.0)
+    };
+    assert!(
+        is_line(&lines[0], "frame 3: ", " s, 1 of 2") && is_line(&lines[1], "frame 1: ", " s, 2 of 2"),
+        "{lines:?}"
+    );
+    let lines = of_frames(&said(&format!("{line} --progress lines --resume")));
+    assert_eq!(lines, ["frame 3: there already, 1 of 2", "frame 1: there already, 2 of 2"]);
+    // It is no choice that a dataset records.
+    let recorded = fs::read_to_string(dir.path().join("train/transforms.json")).unwrap();
+    assert!(!recorded.contains("--progress"), "{recorded}");
+
+    let render = "render balls.xml --size 16x12 --error draft --progress";
+    assert_eq!(of_frames(&said(&format!("{render} lines"))).len(), 3);
+    for (line, expected) in
+        [(format!("{render} dots"), "invalid value 'dots'"), (format!("{render} lines --quiet"), "cannot be used with")]
+    {
+        let (status, _, errors) = run(dir.path(), &line);
+        assert!(status == Some(2) && errors.lines().count() == 1 && errors.contains(expected), "{line}: {errors}");
+    }
+}

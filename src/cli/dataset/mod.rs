@@ -34,7 +34,7 @@ use super::common::{
 };
 use super::frames::{self, FrameList};
 use super::output::{print, print_json, say};
-use super::progress::Rendering;
+use super::progress::{ProgressArgs, Rendering};
 use super::render::blur::Blur;
 use super::studio::ModelAlone;
 use super::values;
@@ -183,6 +183,8 @@ pub(super) struct Dataset {
     place: BackendArgs,
     #[command(flatten)]
     running: Running,
+    #[command(flatten)]
+    progress: ProgressArgs,
 }
 
 /// One view of so many is held out in data for Deblur-NeRF, as in that of LLFF.
@@ -274,7 +276,7 @@ impl Dataset {
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let meter = Arc::new(Meter::default());
         renderer.watch(Arc::clone(&meter));
-        let progress = Rendering::new(frames.count(), meter, true, self.running.quiet);
+        let progress = Rendering::new(frames.count(), meter, true, self.running.quiet, &self.progress);
         let output = Output { scene: &scene, recipe: &recipe, seed, settings: &settings, directory: &directory };
         let mut reports = Vec::new();
         for &frame in frames.all() {
@@ -284,7 +286,7 @@ impl Dataset {
                 let made = pool.install(|| output.frame(&mut renderer, &gate, frame));
                 made.with_context(|| format!("frame {frame}"))?
             };
-            progress.finished(report.skipped);
+            progress.finished(frame, (!report.skipped).then_some(report.seconds));
             reports.push(report);
         }
         drop(progress);
