@@ -40,6 +40,7 @@ impl Choices {
             response: Response::Linear,
             noise,
             flow: self.flow,
+            shake: None,
             exact: false,
             held_out: None,
         })

@@ -21,7 +21,8 @@ pub struct CommonFile {
     pub bytes: Vec<u8>,
 }
 
-/// The files beside `transforms.json` that these frames share. `depth` reads the values of a file of depths.
+/// The files beside `transforms.json` that these frames share. `depth` reads the values of a file of depths,
+/// and `seed` is that of the shake.
 ///
 /// # Errors
 /// A file of a sequence cannot be read, or `depth` fails.
@@ -29,6 +30,7 @@ pub fn common_files<E: From<DatasetError>>(
     scene: &Scene,
     frames: &[FrameNumber],
     recipe: &Recipe,
+    seed: u64,
     mut depth: impl FnMut(&File) -> Result<Vec<f32>, E>,
 ) -> Result<Vec<CommonFile>, E> {
     let Some(&first) = frames.first() else { return Ok(Vec::new()) };
@@ -41,7 +43,7 @@ pub fn common_files<E: From<DatasetError>>(
     if recipe.layout == FolderLayout::Nerfstudio {
         return Ok(vec![text(PLY.to_owned(), ply(&points))]);
     }
-    let views = views(scene, frames, recipe);
+    let views = views(scene, frames, recipe, seed).map_err(DatasetError::from)?;
     let sparse = colmap::files(scene, &views, &points);
     let mut common: Vec<CommonFile> = sparse.map(|(name, of)| text(format!("sparse/0/{name}"), of)).into();
     if is_llff {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::files::{File, Role, files};
-use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant, at_middle};
+use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant, at_middle, shaken};
 use crate::backend::{Achieved, Backend, BackendError};
 use crate::film::{Aov, Picture};
 use crate::image::{self, Format, ImageError, Response};
@@ -31,6 +31,9 @@ pub enum DatasetError {
     /// A file of a sequence cannot be read.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// JSON cannot be made.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
 }
 
 /// What goes into a file.
@@ -91,7 +94,7 @@ const ERROR: &str = "{\"R\": \"error of the blurred picture before noise: of the
                      of display values\", \"A\": \"that of coverage\"}";
 
 /// Makes the files of frame `frame` of a scene, and hands each to `write` as soon as it is made, the blurred picture
-/// last. `seed`: of the noise.
+/// last. `seed`: of noise and shake.
 ///
 /// # Errors
 /// The renderer or the reference cannot make one of the pictures, or `write` fails.
@@ -104,6 +107,7 @@ pub fn frame<E: From<DatasetError>>(
     mut write: impl FnMut(&File, FileContents) -> Result<(), E>,
 ) -> Result<Made, E> {
     limits::check_count("sharp", recipe.sharp, &(1..=MOST_SHARP)).map_err(DatasetError::from)?;
+    let scene = &*shaken(scene, frame, recipe, seed).map_err(DatasetError::from)?;
     let list = files(&scene.name, frame, recipe);
     let mut put = |role: Role, content: FileContents| match list.iter().find(|file| file.role == role) {
         Some(file) => write(file, content),

@@ -2,7 +2,7 @@
 //! a `transforms.json` that names them all (docs/dataset.md).
 //!
 //! A [`Recipe`] says what is made. `files` lists the files of a frame, `frame` makes them, `noise` is that of the
-//! camera's sensor, and `transforms` writes the list of all frames. `common` makes the other files that all frames
+//! camera's sensor, `shake` that of the hand, and `transforms` writes the list of all frames. `common` makes the other files that all frames
 //! share: `views` in their order, and `points` for a start, as `colmap` and `llff` write them. `held_out` are views for
 //! a test.
 
@@ -14,20 +14,25 @@ mod held_out;
 mod llff;
 mod noise;
 mod points;
+mod shake;
 mod transforms;
 mod views;
 
+use std::borrow::Cow;
+
 use crate::image::{Format, Response};
+use crate::limits::Invalid;
 use crate::options::RenderOptions;
 use crate::reference::ReferenceOptions;
 use crate::scene::Scene;
-use crate::time::{Shutter, Weight};
+use crate::time::{FrameNumber, Shutter, Weight};
 
 pub use self::common::{CommonFile, common_files};
 pub use self::files::{File, FolderLayout, Role, files};
 pub use self::frame::{DatasetError, FileContents, Made, frame};
 pub use self::held_out::HeldOut;
 pub use self::noise::{Noise, NoiseError};
+pub use self::shake::{Shake, ShakeError};
 pub use self::transforms::{Origin, TRANSFORMS, transforms};
 
 /// Most sharp pictures of a frame.
@@ -51,6 +56,8 @@ pub struct Recipe {
     pub response: Response,
     /// Noise of blurred pictures.
     pub noise: Noise,
+    /// Shake of the camera.
+    pub shake: Option<Shake>,
     /// Whether the flow is written.
     pub flow: bool,
     /// Is the blurred picture the plain mean of the sharp ones, in linear light? Else it is rendered by itself.
@@ -93,6 +100,12 @@ impl Recipe {
     }
 }
 
+/// The scene as the camera of frame `frame` sees it.
+fn shaken<'a>(scene: &'a Scene, frame: FrameNumber, recipe: &Recipe, seed: u64) -> Result<Cow<'a, Scene>, Invalid> {
+    let shaken = recipe.shake.map(|shake| shake.shaken(scene, frame, seed)).transpose()?;
+    Ok(shaken.map_or(Cow::Borrowed(scene), Cow::Owned))
+}
+
 /// The scene with its shutter open for no longer than an instant: a share of its own.
 fn at_instant(scene: &Scene, share: f64) -> Scene {
     let mut scene = scene.clone();
@@ -121,6 +134,7 @@ mod tests {
             format: Format::EXR,
             response: Response::Srgb,
             noise: Noise::default(),
+            shake: None,
             flow: true,
             exact: false,
             held_out: None,

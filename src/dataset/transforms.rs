@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::common::PLY;
 use super::files::{FolderLayout, Role, files};
 use super::views::{focal_of, picture, principal_point};
-use super::{MIDDLE, Recipe};
+use super::{DatasetError, MIDDLE, Recipe, shaken};
 use crate::scene::Scene;
 use crate::scene::pose::camera_from_world;
 use crate::time::{FrameNumber, Shutter};
@@ -52,6 +52,8 @@ struct Head<'a> {
     exposure: f64,
     response: String,
     noise: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shake: Option<String>,
     seed: u64,
     /// Points for a start.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -158,14 +160,14 @@ struct Sharp {
 /// The text of the file for these frames. `seed`: of all that is random. Frames stand one on a line.
 ///
 /// # Errors
-/// JSON cannot be made.
+/// JSON cannot be made, or poses of a camera that shakes are out of their bounds.
 pub fn transforms(
     scene: &Scene,
     frames: &[FrameNumber],
     recipe: &Recipe,
     seed: u64,
     origin: &Origin,
-) -> Result<String, serde_json::Error> {
+) -> Result<String, DatasetError> {
     let [width, height] = [scene.image.width, scene.image.height];
     let focal = one_focal(scene, frames);
     let [cx, cy] = principal_point(scene);
@@ -183,6 +185,7 @@ pub fn transforms(
         exposure: (shutter.close - shutter.open) / scene.frames.rate,
         response: recipe.response.to_string(),
         noise: recipe.noise.to_string(),
+        shake: recipe.shake.map(|shake| shake.to_string()),
         seed,
         ply_file_path: (recipe.layout == FolderLayout::Nerfstudio).then_some(PLY),
         split: Split::of(scene, frames, recipe),
@@ -190,10 +193,11 @@ pub fn transforms(
     };
     let entry = |&frame: &FrameNumber| {
         let own = focal.is_none().then(|| focal_of(scene, frame));
-        serde_json::to_string(&Entry { fl_x: own, fl_y: own, ..entry(scene, frame, recipe) })
+        let seen = &*shaken(scene, frame, recipe, seed)?;
+        Ok(serde_json::to_string(&Entry { fl_x: own, fl_y: own, ..entry(seen, frame, recipe) })?)
     };
     let entries = frames.iter().map(entry);
-    let entries = entries.collect::<Result<Vec<_>, _>>()?.join(",\n    ");
+    let entries = entries.collect::<Result<Vec<_>, DatasetError>>()?.join(",\n    ");
     let head = serde_json::to_string_pretty(&head)?;
     let open = head.trim_end().trim_end_matches('}').trim_end();
     Ok(format!("{open},\n  \"frames\": [\n    {entries}\n  ]\n}}\n"))

@@ -3,7 +3,8 @@
 use glam::DMat4;
 
 use super::files::{Role, files};
-use super::{MIDDLE, Recipe};
+use super::{MIDDLE, Recipe, shaken};
+use crate::limits::Invalid;
 use crate::math::focal_length;
 use crate::scene::Scene;
 use crate::scene::pose::{camera_from_world, fovy};
@@ -21,19 +22,22 @@ pub(super) struct View {
 }
 
 /// The views of these frames, sorted by name.
-pub(super) fn views(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> Vec<View> {
+///
+/// # Errors
+/// Poses of a camera that shakes are out of their bounds.
+pub(super) fn views(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe, seed: u64) -> Result<Vec<View>, Invalid> {
     let view = |&frame: &FrameNumber| {
         let time = scene.shutter.frame_time(frame.get(), MIDDLE);
-        View {
+        Ok(View {
             name: picture(scene, frame, recipe).rsplit('/').next().unwrap_or_default().to_owned(),
             frame,
-            camera_from_world: camera_from_world(scene, time),
+            camera_from_world: camera_from_world(&*shaken(scene, frame, recipe, seed)?, time),
             focal: focal_of(scene, frame),
-        }
+        })
     };
-    let mut views: Vec<View> = frames.iter().map(view).collect();
+    let mut views = frames.iter().map(view).collect::<Result<Vec<View>, Invalid>>()?;
     views.sort_by(|a, b| a.name.cmp(&b.name));
-    views
+    Ok(views)
 }
 
 /// The picture of a frame among those that readers find: the blurred one, or the sharp one of a view that is held out.

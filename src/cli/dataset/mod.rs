@@ -15,7 +15,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use serde::Serialize;
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
-use splatblur::dataset::{self, By, FolderLayout, HeldOut, MOST_SHARP, Noise, Recipe, TRANSFORMS};
+use splatblur::dataset::{self, By, FolderLayout, HeldOut, MOST_SHARP, Noise, Recipe, Shake, TRANSFORMS};
 use splatblur::files;
 use splatblur::image::{Bits, Exr, Format, Precision, Response};
 use splatblur::options::{BlurMode, Quality};
@@ -59,6 +59,8 @@ Examples:
     splatblur dataset scene.xml --out truth --sharp 31 --exact --format exr
   A camera with noise and a response of its own:
     splatblur dataset scene.xml --out truth --noise shot=4000,read=0.002 --response gamma:2.2
+  A camera in a hand:
+    splatblur dataset scene.xml --out truth --shake degrees=1,units=0.02 --seed 7
   The folders of the GOPRO dataset:
     splatblur dataset scene.xml --out train --layout gopro
   Pictures, cameras and points for programs that fit 3D Gaussians:
@@ -157,6 +159,10 @@ pub(super) struct Dataset {
     /// of white), or both with a comma. --seed chooses it [default: none].
     #[arg(long, value_name = "NOISE", default_value_t, help_heading = "Camera")]
     noise: Noise,
+    /// Shake the camera of each picture on a random path of its own: degrees=A, the largest angle within the exposure,
+    /// units=D, the largest distance (scene units), or both with a comma. --seed chooses the paths [default: none].
+    #[arg(long, value_name = "SHAKE", help_heading = "Camera")]
+    shake: Option<Shake>,
 
     /// Make all pictures by ray tracing, with so many samples of a pixel (a multiple of 16), in place of a mode.
     #[arg(
@@ -326,6 +332,7 @@ impl Dataset {
             response: self.response.unwrap_or_default(),
             noise: self.noise,
             flow: !self.no_flow,
+            shake: self.shake,
             exact: self.exact,
             held_out: None,
         })

@@ -33,6 +33,8 @@ struct FileSettings<'a> {
     sharp: u32,
     response: String,
     noise: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shake: Option<String>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     exact: bool,
     /// The sharp picture may have the name that the blurred one had before.
@@ -58,10 +60,11 @@ pub(super) enum DatasetFrameError {
 impl Output<'_> {
     /// The text that a file carries: equal texts, equal files.
     fn settings_of(&self, file: &str, frame: FrameNumber) -> Result<String, serde_json::Error> {
-        let Recipe { sharp, response, noise, exact, .. } = *self.recipe;
+        let Recipe { sharp, response, noise, shake, exact, .. } = *self.recipe;
         let (response, noise) = (response.to_string(), noise.to_string());
+        let shake = shake.map(|shake| shake.to_string());
         let (held_out, settings) = (self.recipe.holds_out(frame), self.settings.with_frame(frame));
-        serde_json::to_string(&FileSettings { file, sharp, response, noise, exact, held_out, settings })
+        serde_json::to_string(&FileSettings { file, sharp, response, noise, shake, exact, held_out, settings })
     }
 
     /// Are all files of a frame there, whole and with these settings?
@@ -104,7 +107,7 @@ impl Output<'_> {
             let (_, planes) = image::read_planes(&self.directory.join(&file.path), &["Y"])?;
             Ok(planes.into_iter().next().unwrap_or_default())
         };
-        let common = dataset::common_files::<DatasetFrameError>(self.scene, frames, self.recipe, depth)?;
+        let common = dataset::common_files::<DatasetFrameError>(self.scene, frames, self.recipe, self.seed, depth)?;
         self.forget_other_holds(&common)?;
         let files = common.iter().map(|file| (&*file.path, &*file.bytes)).chain([(TRANSFORMS, transforms.as_bytes())]);
         for (path, bytes) in files {
