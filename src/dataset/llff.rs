@@ -1,4 +1,4 @@
-//! `poses_bounds.npy`, as LLFF (Mildenhall et al. 2019) and the NeRFs after it read it: of each view 17 numbers.
+//! `poses_bounds.npy`, as LLFF (Mildenhall et al. 2019) and what came after it read it: of each view 17 numbers.
 
 use super::views::View;
 use crate::scene::Scene;

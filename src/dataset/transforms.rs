@@ -66,9 +66,12 @@ struct Head<'a> {
 /// Pictures to train on, and those that are held out. nerfstudio asks for the latter under two names.
 #[derive(Serialize)]
 struct Split {
-    train_filenames: Vec<String>,
-    val_filenames: Vec<String>,
-    test_filenames: Vec<String>,
+    #[serde(rename = "train_filenames")]
+    train: Vec<String>,
+    #[serde(rename = "val_filenames")]
+    val: Vec<String>,
+    #[serde(rename = "test_filenames")]
+    test: Vec<String>,
 }
 
 impl Split {
@@ -77,8 +80,8 @@ impl Split {
         recipe.held_out.as_ref()?;
         let (test, train): (Vec<FrameNumber>, _) = frames.iter().partition(|frame| recipe.holds_out(**frame));
         let names = |frames: Vec<FrameNumber>| frames.into_iter().map(|frame| picture(scene, frame, recipe)).collect();
-        let test_filenames: Vec<String> = names(test);
-        Some(Self { train_filenames: names(train), val_filenames: test_filenames.clone(), test_filenames })
+        let test: Vec<String> = names(test);
+        Some(Self { train: names(train), val: test.clone(), test })
     }
 }
 

@@ -118,7 +118,7 @@ fn colmap(sparse: &Path) -> Vec<View> {
 #[test]
 fn a_reader_of_colmap_meets_the_pixels() {
     let dir = folder();
-    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --format exr --reference 64 --frames";
+    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --format exr --reference 48 --frames";
     done(dir.path(), &format!("{line} 3,1,2"));
     let root = dir.path().join("train");
     let views = colmap(&root.join("sparse/0"));
@@ -174,7 +174,7 @@ fn npy(path: &Path) -> (Vec<usize>, Vec<f64>) {
 #[test]
 fn a_reader_of_llff_meets_the_pixels() {
     let dir = folder();
-    let line = "dataset balls.xml --out train --layout deblur-nerf --hold 2 --sharp 1 --no-flow --reference 64";
+    let line = "dataset balls.xml --out train --layout deblur-nerf --hold 2 --sharp 1 --no-flow --reference 48";
     done(dir.path(), line);
     let root = dir.path().join("train");
     let names = |folder: &str| {
@@ -446,7 +446,7 @@ fn a_shaken_camera_goes_as_far_as_it_is_told() {
 #[test]
 fn a_shaken_camera_is_where_it_is_told() {
     let dir = folder();
-    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --reference 64 --shake";
+    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --reference 48 --shake";
     done(dir.path(), &format!("{line} degrees=2,units=0.1"));
     let root = dir.path().join("train");
     let mut most = 0.0_f64;

@@ -79,6 +79,7 @@ images_test/0000.png and so on (sharp), images_test_blurred/0000.png (docs/train
 
 JSON (--json), one object: program, scene, directory, transforms, backend, frames: [{{frame, skipped, seconds, auto (as
 in `render`), mean_error (with --reference)}}], seconds, notes."))]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Dataset {
     /// Scene file (XML), or a model file, as in `splatblur render`.
     #[arg(required_unless_present = "replay")]
