@@ -2,9 +2,9 @@
 //! a `transforms.json` that names them all (docs/dataset.md).
 //!
 //! A [`Recipe`] says what is made. `files` lists the files of a frame, `frame` makes them, `noise` is that of the
-//! camera's sensor, `shake` that of the hand, and `transforms` writes the list of all frames. `common` makes the other files that all frames
-//! share: `views` in their order, and `points` for a start, as `colmap` and `llff` write them. `held_out` are views for
-//! a test.
+//! camera's sensor, `shake` that of the hand, and `transforms` writes the list of all frames. `common` makes the other
+//! files that all frames share: `views` in their order, and `points` for a start, as `colmap` and `llff` write them.
+//! `held_out` are views for a test.
 
 mod colmap;
 mod common;

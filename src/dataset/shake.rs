@@ -19,7 +19,8 @@ use crate::time::FrameNumber;
 /// (2012, "Modeling the performance of image restoration from motion blur"): a point goes at constant speed, is pushed
 /// by Gaussian impulses, is drawn back to where it began, and sometimes turns round. They have it in the plane of the
 /// image. Here one point goes in the space of rotations (axis times angle), another in that of translations, along the
-/// camera's axes. A path is shifted so that its mean is 0, and scaled so that its largest excursion is what is asked for.
+/// camera's axes. A path is shifted so that its mean is 0, and scaled so that its largest excursion is what is asked
+/// for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shake {
     /// Largest angle by which the camera is turned within an exposure, degrees, in [0, 45].

@@ -13,7 +13,7 @@ use splatblur::math::srgb;
 
 use crate::run;
 
-/// Three small balls of one colour each, of which the red one moves, before a camera that moves, turns and is not level.
+/// Three small balls of one colour each, of which the red one moves, before a camera that moves and is not level.
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     let ball = |name: &str, colour: &str, at: DVec3, rest: &str| {
@@ -192,7 +192,7 @@ fn a_reader_of_llff_meets_the_pixels() {
     let (shape, values) = npy(&root.join("poses_bounds.npy"));
     assert_eq!(shape, [3, 17]);
     for ((row, name), frame) in values.chunks(17).zip(&pictures).zip(1..) {
-        // As the loader of NeRF (Mildenhall et al. 2020) does: columns right, up, back, place, and height, width, focal.
+        // As the loader of NeRF (Mildenhall et al. 2020): columns right, up, back, place, and height, width, focal.
         let column = |at: usize| DVec3::new(row[at], row[5 + at], row[10 + at]);
         let (right, up, back, eye) = (column(1), -column(0), column(2), column(3));
         let (height, width, focal) = (row[4], row[9], row[14]);
