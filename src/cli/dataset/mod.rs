@@ -1,5 +1,5 @@
-//! `splatblur dataset`: blurred pictures with the truth about them. A little above 400 lines, as its options stand in one
-//! place.
+//! `splatblur dataset`: blurred pictures with the truth about them. A little above 400 lines, as its options stand in
+//! one place.
 
 mod replay;
 mod written;
