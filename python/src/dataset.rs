@@ -40,6 +40,9 @@ impl Choices {
             response: Response::Linear,
             noise,
             flow: self.flow,
+            shake: None,
+            exact: false,
+            held_out: None,
         })
     }
 }
@@ -121,7 +124,7 @@ pub(crate) fn to_arrays<'py>(
                 sharp.push((number, colours(py, picture)?));
                 continue;
             }
-            (Role::Middle, _) => continue,
+            (Role::Middle | Role::Held | Role::Test, _) => continue,
             (_, FileContents::Picture(picture, ..)) => {
                 dict.set_item("blurred", colours(py, picture)?)?;
                 continue;

@@ -1,13 +1,17 @@
-//! Progress on a terminal; nothing in a pipe.
+//! Progress: a bar on a terminal and nothing in a pipe, or a line a frame anywhere.
 
 use std::fmt::Write as _;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use clap::{Args, ValueEnum};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use splatblur::FrameNumber;
 use splatblur::backend::{Meter, Reading};
 use splatblur::study::StudyProgress;
+
+use super::output::say;
 
 /// Steps of a bar that shows a share.
 const STEPS: u64 = 1000;
@@ -43,6 +47,37 @@ impl Drop for Loading {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
+}
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Shown {
+    /// A bar, on a terminal only
+    Bar,
+    /// A line on stderr for each frame that is done, in a file or a pipe too
+    Lines,
+}
+
+/// How progress is shown, as it is asked for.
+#[derive(Debug, Args)]
+pub(super) struct ProgressArgs {
+    /// How progress is shown: a bar, on a terminal only, or a line on stderr for each frame, also into a log.
+    #[arg(
+        long,
+        value_name = "HOW",
+        value_enum,
+        default_value = "bar",
+        hide_possible_values = true,
+        conflicts_with = "quiet",
+        help_heading = "Running"
+    )]
+    progress: Shown,
+}
+
+/// The line of a frame that took so many seconds, `finished` of `all`; `None`: its files were there already.
+fn line(frame: FrameNumber, seconds: Option<f64>, finished: u64, all: u64) -> String {
+    let took = seconds.map_or_else(|| "there already".to_owned(), |seconds| format!("{seconds:.1} s"));
+    format!("frame {frame}: {took}, {finished} of {all}")
 }
 
 /// How far a run is. Counted in frames; a frame that is under way counts in part.
@@ -85,6 +120,7 @@ const LOOK: Duration = Duration::from_millis(250);
 pub(super) struct Rendering {
     frames: Arc<Mutex<FrameCount>>,
     meter: Arc<Meter>,
+    says_lines: bool,
     /// Dropped, it ends the thread that draws; `None` where nothing is drawn.
     drawing: Option<(mpsc::Sender<()>, thread::JoinHandle<()>)>,
 }
@@ -92,9 +128,16 @@ pub(super) struct Rendering {
 impl Rendering {
     /// `meter`: of the frame under way. `several_renderings`: a frame takes nobody knows how many, as in mode auto, so
     /// that its share says nothing about the time left.
-    pub(super) fn new(all: u64, meter: Arc<Meter>, several_renderings: bool, quiet: bool) -> Self {
+    pub(super) fn new(
+        all: u64,
+        meter: Arc<Meter>,
+        several_renderings: bool,
+        quiet: bool,
+        &ProgressArgs { progress }: &ProgressArgs,
+    ) -> Self {
+        let says_lines = progress == Shown::Lines;
         let frames = Arc::new(Mutex::new(FrameCount { all, ..FrameCount::default() }));
-        let bar = bar(all * STEPS, "[{wide_bar}] {msg}", quiet);
+        let bar = bar(all * STEPS, "[{wide_bar}] {msg}", quiet || says_lines);
         let drawing = (!bar.is_hidden()).then(|| {
             let (stop, stopped) = mpsc::channel();
             let (frames, meter, start) = (Arc::clone(&frames), Arc::clone(&meter), Instant::now());
@@ -116,13 +159,17 @@ impl Rendering {
             };
             (stop, thread::spawn(draw))
         });
-        Self { frames, meter, drawing }
+        Self { frames, meter, says_lines, drawing }
     }
 
-    pub(super) fn finished(&self, skipped: bool) {
+    /// `seconds`: that the frame took; `None`: its files were there already.
+    pub(super) fn finished(&self, frame: FrameNumber, seconds: Option<f64>) {
         let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
-        *(if skipped { &mut frames.skipped } else { &mut frames.rendered }) += 1;
+        *(if seconds.is_none() { &mut frames.skipped } else { &mut frames.rendered }) += 1;
         self.meter.reset();
+        if self.says_lines {
+            say(&line(frame, seconds, frames.rendered + frames.skipped, frames.all));
+        }
     }
 }
 

@@ -12,11 +12,20 @@ pub enum FolderLayout {
     Nerfstudio,
     /// A folder a sequence, with `blur/` and `sharp/`, as the GOPRO dataset (Nah et al. 2017) has them.
     Gopro,
+    /// As nerfstudio, with `sparse/0` of COLMAP, as programs expect that fit 3D Gaussians.
+    Colmap,
+    /// As COLMAP, with what the reader of Deblur-NeRF (Ma et al. 2022) expects: `poses_bounds.npy` and `hold=n`.
+    DeblurNerf,
 }
 
 impl FolderLayout {
     /// All, with their names.
-    pub const ALL: [(&'static str, Self); 2] = [("nerfstudio", Self::Nerfstudio), ("gopro", Self::Gopro)];
+    pub const ALL: [(&'static str, Self); 4] = [
+        ("nerfstudio", Self::Nerfstudio),
+        ("gopro", Self::Gopro),
+        ("colmap", Self::Colmap),
+        ("deblur-nerf", Self::DeblurNerf),
+    ];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -33,6 +42,10 @@ pub enum Role {
     Sharp(usize),
     /// The sharp picture of the middle, where it is a file of its own.
     Middle,
+    /// The picture of a view that is held out: sharp, with all rows at once. It takes the blurred one's place.
+    Held,
+    /// The same once more, in a folder of such pictures.
+    Test,
     /// Flow from where the shutter opens to where it closes.
     OpenClose,
     /// Flow from the middle to where it closes.
@@ -76,7 +89,15 @@ pub fn files(name: &str, frame: FrameNumber, recipe: &Recipe) -> Vec<File> {
         files.push(picture(Role::Middle, &format!("sharp/{number}")));
         files.extend(instants.filter(|_| recipe.sharp > 1).map(|i| of_instant("instants", i)));
     } else {
-        files.push(picture(Role::Blur, &format!("images/{number}")));
+        if recipe.holds_out(frame) {
+            files.push(picture(Role::Held, &format!("images/{number}")));
+            if recipe.layout == FolderLayout::DeblurNerf {
+                files.push(picture(Role::Test, &format!("images_test/{number}")));
+            }
+            files.push(picture(Role::Blur, &format!("images_test_blurred/{number}")));
+        } else {
+            files.push(picture(Role::Blur, &format!("images/{number}")));
+        }
         files.extend(instants.map(|i| of_instant("sharp", i)));
     }
     if recipe.flow {
@@ -92,9 +113,15 @@ pub fn files(name: &str, frame: FrameNumber, recipe: &Recipe) -> Vec<File> {
 }
 
 impl Recipe {
-    /// Is there an error of the blurred picture? Modes but `auto` know none.
+    /// Is the view of this frame held out?
+    pub fn holds_out(&self, frame: FrameNumber) -> bool {
+        self.held_out.as_ref().is_some_and(|held_out| held_out.contains(frame))
+    }
+
+    /// Is there an error of the blurred picture? Modes but `auto` know none, and the mean of sharp pictures has none.
     pub fn has_error(&self) -> bool {
         match &self.by {
+            _ if self.exact => false,
             By::Splatting(options) => matches!(options.quality, Quality::Error(_)),
             By::Tracing(_) => true,
         }

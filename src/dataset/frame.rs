@@ -3,15 +3,16 @@
 use std::path::Path;
 
 use super::files::{File, Role, files};
-use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant};
+use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant, at_middle, shaken};
 use crate::backend::{Achieved, Backend, BackendError};
 use crate::film::{Aov, Picture};
 use crate::image::{self, Format, ImageError, Response};
 use crate::limits::{self, Invalid};
+use crate::model::ModelError;
 use crate::options::{BlurMode, Look, Quality, RenderOptions};
 use crate::reference::{self, Flow, ReferenceError, ReferenceOptions};
 use crate::renderer::render_frame;
-use crate::scene::Scene;
+use crate::scene::{ImageSettings, Scene};
 use crate::time::FrameNumber;
 
 /// Why a frame of a dataset cannot be made.
@@ -27,6 +28,12 @@ pub enum DatasetError {
     /// The reference cannot.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
+    /// A file of a sequence cannot be read.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// JSON cannot be made.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
 }
 
 /// What goes into a file.
@@ -87,7 +94,7 @@ const ERROR: &str = "{\"R\": \"error of the blurred picture before noise: of the
                      of display values\", \"A\": \"that of coverage\"}";
 
 /// Makes the files of frame `frame` of a scene, and hands each to `write` as soon as it is made, the blurred picture
-/// last. `seed`: of the noise.
+/// last. `seed`: of noise and shake.
 ///
 /// # Errors
 /// The renderer or the reference cannot make one of the pictures, or `write` fails.
@@ -100,6 +107,7 @@ pub fn frame<E: From<DatasetError>>(
     mut write: impl FnMut(&File, FileContents) -> Result<(), E>,
 ) -> Result<Made, E> {
     limits::check_count("sharp", recipe.sharp, &(1..=MOST_SHARP)).map_err(DatasetError::from)?;
+    let scene = &*shaken(scene, frame, recipe, seed).map_err(DatasetError::from)?;
     let list = files(&scene.name, frame, recipe);
     let mut put = |role: Role, content: FileContents| match list.iter().find(|file| file.role == role) {
         Some(file) => write(file, content),
@@ -113,6 +121,7 @@ pub fn frame<E: From<DatasetError>>(
     let has_middle = instants.contains(&MIDDLE);
     let own_middle = (!has_middle).then_some((usize::MAX, MIDDLE));
     let by = recipe.by.at_instant();
+    let mut mean = Mean::default();
     for (number, share) in instants.into_iter().enumerate().chain(own_middle) {
         let is_middle = share == MIDDLE;
         let layers: &[Aov] = if is_middle { &[Aov::Alpha, Aov::Depth] } else { &[] };
@@ -122,7 +131,15 @@ pub fn frame<E: From<DatasetError>>(
             put(Role::Alpha, FileContents::planes(width, &["Y"], planes(&made, Aov::Alpha), ALPHA))?;
             put(Role::Middle, coloured(made.clone()))?;
         }
+        if recipe.exact && number < recipe.sharp as usize {
+            mean.add(&made);
+        }
         put(Role::Sharp(number), coloured(made))?;
+    }
+    if recipe.holds_out(frame) {
+        let made = picture(backend, &at_middle(scene), frame, &by, &[])?.picture;
+        put(Role::Test, coloured(made.clone()))?;
+        put(Role::Held, coloured(made))?;
     }
     if recipe.flow {
         let pairs = [(Role::OpenClose, [0.0, 1.0]), (Role::MiddleClose, [MIDDLE, 1.0])];
@@ -132,11 +149,39 @@ pub fn frame<E: From<DatasetError>>(
         }
     }
     let layers: &[Aov] = if recipe.has_error() { &[Aov::Error] } else { &[] };
-    let Pictured { mut picture, made } = picture(backend, scene, frame, &recipe.by, layers)?;
+    let Pictured { mut picture, made } = if recipe.exact {
+        let picture = mean.picture(&scene.image);
+        Pictured { picture, made: Made { achieved: None, mean_error: None } }
+    } else {
+        picture(backend, scene, frame, &recipe.by, layers)?
+    };
     put(Role::Error, FileContents::planes(width, &COLOURS, planes(&picture, Aov::Error), ERROR))?;
     recipe.noise.add(&mut picture, seed, frame);
     put(Role::Blur, coloured(picture))?;
     Ok(made)
+}
+
+/// The mean of pictures in linear light.
+#[derive(Default)]
+struct Mean {
+    sums: Vec<[f64; 4]>,
+    pictures: u32,
+}
+
+impl Mean {
+    fn add(&mut self, picture: &Picture) {
+        self.sums.resize(picture.rgba.len(), [0.0; 4]);
+        self.pictures += 1;
+        for (sum, value) in self.sums.iter_mut().flatten().zip(picture.rgba.iter().flatten()) {
+            *sum += f64::from(*value);
+        }
+    }
+
+    fn picture(&self, image: &ImageSettings) -> Picture {
+        let pictures = f64::from(self.pictures.max(1));
+        let rgba = self.sums.iter().map(|sums| sums.map(|sum| (sum / pictures) as f32)).collect();
+        Picture { width: image.width, height: image.height, rgba, layers: Vec::new() }
+    }
 }
 
 /// A picture, and what is known of it.

@@ -64,21 +64,21 @@ impl Noise {
 const NUMBERS: u64 = 4;
 
 /// Numbers that depend on their place in a row alone.
-struct Random {
-    seed: u64,
-    next: u64,
+pub(super) struct Random {
+    pub(super) seed: u64,
+    pub(super) next: u64,
 }
 
 impl Random {
     /// In (0, 1).
-    fn uniform(&mut self) -> f64 {
+    pub(super) fn uniform(&mut self) -> f64 {
         self.next += 1;
         (f64::from(hash(self.seed, self.next)) + 0.5) / 4_294_967_296.0
     }
 }
 
 /// A Gaussian variable of variance 1 (Box and Muller 1958).
-fn normal(random: &mut Random) -> f64 {
+pub(super) fn normal(random: &mut Random) -> f64 {
     let (radius, angle) = (random.uniform(), random.uniform());
     (-2.0 * libm::log(radius)).sqrt() * libm::cos(std::f64::consts::TAU * angle)
 }

@@ -4,11 +4,12 @@
 use glam::{DMat3, DMat4};
 use serde::{Deserialize, Serialize};
 
-use super::files::{Role, files};
-use super::{MIDDLE, Recipe};
-use crate::math::focal_length;
+use super::common::PLY;
+use super::files::{FolderLayout, Role, files};
+use super::views::{focal_of, picture, principal_point};
+use super::{DatasetError, MIDDLE, Recipe, shaken};
 use crate::scene::Scene;
-use crate::scene::pose::{camera_from_world, fovy};
+use crate::scene::pose::camera_from_world;
 use crate::time::{FrameNumber, Shutter};
 
 /// Its name.
@@ -51,8 +52,37 @@ struct Head<'a> {
     exposure: f64,
     response: String,
     noise: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shake: Option<String>,
     seed: u64,
+    /// Points for a start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ply_file_path: Option<&'static str>,
+    #[serde(flatten)]
+    split: Option<Split>,
     splatblur: &'a Origin,
+}
+
+/// Pictures to train on, and those that are held out. nerfstudio asks for the latter under two names.
+#[derive(Serialize)]
+struct Split {
+    #[serde(rename = "train_filenames")]
+    train: Vec<String>,
+    #[serde(rename = "val_filenames")]
+    val: Vec<String>,
+    #[serde(rename = "test_filenames")]
+    test: Vec<String>,
+}
+
+impl Split {
+    /// None where no view is held out: a reader then splits them as it likes.
+    fn of(scene: &Scene, frames: &[FrameNumber], recipe: &Recipe) -> Option<Self> {
+        recipe.held_out.as_ref()?;
+        let (test, train): (Vec<FrameNumber>, _) = frames.iter().partition(|frame| recipe.holds_out(**frame));
+        let names = |frames: Vec<FrameNumber>| frames.into_iter().map(|frame| picture(scene, frame, recipe)).collect();
+        let test: Vec<String> = names(test);
+        Some(Self { train: names(train), val: test.clone(), test })
+    }
 }
 
 /// The shutter. All of it that decides when a pixel is exposed is said here, and nowhere else.
@@ -83,7 +113,11 @@ impl Exposure {
 
 #[derive(Serialize)]
 struct Entry {
+    /// The blurred picture, or the sharp one of a view that is held out.
     file_path: String,
+    /// The blurred picture of a view that is held out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    blurred: Option<String>,
     /// Number of the frame.
     frame: FrameNumber,
     /// Focal length of the frame; `None`: all have one.
@@ -102,6 +136,8 @@ struct Entry {
     #[serde(skip_serializing_if = "Option::is_none")]
     flow_middle_close: Option<String>,
     depth: Option<String>,
+    /// The same by the name of nerfstudio.
+    depth_file_path: Option<String>,
     alpha: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
@@ -127,23 +163,24 @@ struct Sharp {
 /// The text of the file for these frames. `seed`: of all that is random. Frames stand one on a line.
 ///
 /// # Errors
-/// JSON cannot be made.
+/// JSON cannot be made, or poses of a camera that shakes are out of their bounds.
 pub fn transforms(
     scene: &Scene,
     frames: &[FrameNumber],
     recipe: &Recipe,
     seed: u64,
     origin: &Origin,
-) -> Result<String, serde_json::Error> {
+) -> Result<String, DatasetError> {
     let [width, height] = [scene.image.width, scene.image.height];
     let focal = one_focal(scene, frames);
+    let [cx, cy] = principal_point(scene);
     let shutter = &scene.shutter;
     let head = Head {
         camera_model: "PINHOLE",
         fl_x: focal,
         fl_y: focal,
-        cx: (0.5 + scene.camera.shift.x) * f64::from(width),
-        cy: (0.5 + scene.camera.shift.y) * f64::from(height),
+        cx,
+        cy,
         w: width,
         h: height,
         frame_rate: scene.frames.rate,
@@ -151,23 +188,22 @@ pub fn transforms(
         exposure: (shutter.close - shutter.open) / scene.frames.rate,
         response: recipe.response.to_string(),
         noise: recipe.noise.to_string(),
+        shake: recipe.shake.map(|shake| shake.to_string()),
         seed,
+        ply_file_path: (recipe.layout == FolderLayout::Nerfstudio).then_some(PLY),
+        split: Split::of(scene, frames, recipe),
         splatblur: origin,
     };
     let entry = |&frame: &FrameNumber| {
         let own = focal.is_none().then(|| focal_of(scene, frame));
-        serde_json::to_string(&Entry { fl_x: own, fl_y: own, ..entry(scene, frame, recipe) })
+        let seen = &*shaken(scene, frame, recipe, seed)?;
+        Ok(serde_json::to_string(&Entry { fl_x: own, fl_y: own, ..entry(seen, frame, recipe) })?)
     };
     let entries = frames.iter().map(entry);
-    let entries = entries.collect::<Result<Vec<_>, _>>()?.join(",\n    ");
+    let entries = entries.collect::<Result<Vec<_>, DatasetError>>()?.join(",\n    ");
     let head = serde_json::to_string_pretty(&head)?;
     let open = head.trim_end().trim_end_matches('}').trim_end();
     Ok(format!("{open},\n  \"frames\": [\n    {entries}\n  ]\n}}\n"))
-}
-
-/// Focal length of a frame, pixels.
-fn focal_of(scene: &Scene, frame: FrameNumber) -> f64 {
-    focal_length(f64::from(scene.image.height), fovy(scene, frame.get()))
 }
 
 /// The focal length that all frames have. Where it stands in the head, nerfstudio reads none of the frames.
@@ -194,8 +230,10 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
         Some(Sharp { file_path, weight, instant: instant(share) })
     });
     let sharp = sharp.collect();
+    let depth = path(Role::Depth);
     Entry {
-        file_path: path(Role::Blur).unwrap_or_default(),
+        file_path: picture(scene, frame, recipe),
+        blurred: path(Role::Blur).filter(|_| recipe.holds_out(frame)),
         frame,
         fl_x: None,
         fl_y: None,
@@ -206,7 +244,8 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
         sharp,
         flow_open_close: path(Role::OpenClose),
         flow_middle_close: path(Role::MiddleClose),
-        depth: path(Role::Depth),
+        depth_file_path: depth.clone(),
+        depth,
         alpha: path(Role::Alpha),
         error: path(Role::Error),
     }

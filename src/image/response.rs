@@ -36,7 +36,7 @@ impl Response {
     }
 
     /// Replaces linear light by the nearest of the codes 0..=`top`.
-    pub(super) fn encode(self, values: &mut [f32], top: f32) {
+    pub(crate) fn encode(self, values: &mut [f32], top: f32) {
         let Some(gamma) = self.gamma() else { return srgb::encode(values, top) };
         for value in values {
             let share = libm::pow(f64::from(*value).clamp(0.0, 1.0), 1.0 / gamma);

@@ -89,8 +89,11 @@ fn a_dataset_has_its_files_and_can_be_made_again() {
             format!("sharp/000{n}-2.png"),
         ]
     };
-    let mut wanted: Vec<String> =
-        of_frame(1).into_iter().chain(of_frame(2)).chain(["transforms.json".into()]).collect();
+    let mut wanted: Vec<String> = of_frame(1)
+        .into_iter()
+        .chain(of_frame(2))
+        .chain(["sparse_pc.ply", "transforms.json"].map(str::to_owned))
+        .collect();
     wanted.sort();
     assert!(made.keys().eq(&wanted), "{:?}", made.keys());
 
@@ -283,7 +286,7 @@ fn what_makes_no_sense_is_one_line() {
         ("dataset ball.xml --mode still", "--mode still makes no blur"),
         ("dataset ball.xml --reference 100", "a multiple of 16"),
         ("dataset ball.xml --reference 16 --error draft", "cannot be used with"),
-        ("dataset ball.xml --layout kitti", "[possible values: nerfstudio, gopro]"),
+        ("dataset ball.xml --layout kitti", "[possible values: nerfstudio, gopro, colmap, deblur-nerf]"),
         (
             "dataset --replay truth/transforms.json --sharp 5",
             "--replay takes all choices from its file: leave --sharp=5",

@@ -28,6 +28,7 @@ mod saves;
 mod scans;
 mod shell;
 mod studio;
+mod training;
 mod volumes;
 mod what_is_taken;
 

@@ -32,6 +32,9 @@ fn recipe(by: By, sharp: u32) -> Recipe {
         response: Response::Srgb,
         noise: Noise::default(),
         flow: false,
+        shake: None,
+        exact: false,
+        held_out: None,
     }
 }
 

@@ -7,7 +7,7 @@ use crate::sources;
 use crate::text::{FOLDERS, root, walk};
 
 /// Most bytes of its files: a third of that is packed, of which crates.io takes 10 MB.
-const MOST: u64 = 5_900_000;
+const MOST: u64 = 5_950_000;
 
 /// What someone who has the crate alone wants to find, and what the tests beside the code read.
 const WANTED: [&str; 9] = [

@@ -16,9 +16,9 @@ use crate::cli::backend::Wanted;
 use crate::cli::{Cli, Command};
 
 /// What does not decide what is made: where it goes, and how the program goes about it.
-const RUNNING: [&str; 12] = [
+const RUNNING: [&str; 13] = [
     "scene", "out", "resume", "replay", "json", "backend", "adapter", "memory", "threads", "lenient", "restrict",
-    "quiet",
+    "quiet", "progress",
 ];
 
 /// What a dataset says that it was made by.

@@ -132,6 +132,8 @@ pub(super) struct Render {
     place: BackendArgs,
     #[command(flatten)]
     running: Running,
+    #[command(flatten)]
+    progress: progress::ProgressArgs,
 }
 
 impl Render {
@@ -189,7 +191,8 @@ impl Render {
         renderer.watch(Arc::clone(&meter));
         let several_renderings =
             matches!(options.quality, Quality::Error(_)) || options.look.aovs.contains(&Aov::Object);
-        let progress = progress::Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
+        let quiet = self.running.quiet;
+        let progress = progress::Rendering::new(frames.count(), meter, several_renderings, quiet, &self.progress);
         let queue = FrameQueue::new(renderer.backend(), &scene, &options)?;
         let mut nothing = Nothing::new(&scene);
         let (finished, film) = sequence.run(
@@ -197,7 +200,7 @@ impl Render {
             |frame| Ok(settings.of_frame(frame)?),
             Rendering { queue, pool: &pool },
             |frame, rendered| nothing.look(frame, rendered),
-            |done| progress.finished(done.rendered.is_none()),
+            |done| progress.finished(done.frame, done.rendered.as_ref().map(|(seconds, _)| *seconds)),
         )?;
         drop(progress);
         if let (Some(mut film), Some((path, _))) = (film, &self.movie) {
