@@ -77,24 +77,22 @@ pub(super) struct Convert {
 
 impl Convert {
     pub(super) fn run(&self) -> anyhow::Result<()> {
-        let [input] = &self.inputs[..] else { return self.all(&self.into_folder()?) };
+        let [input] = &self.inputs[..] else { return self.all(&self.in_folder()?) };
         if self.output.extension().is_none() && is_gltf(input) {
             return self.play(input);
         }
         if self.output.is_dir() || self.output.as_os_str().to_string_lossy().ends_with('/') {
-            return self.all(&self.into_folder()?);
+            return self.all(&self.in_folder()?);
         }
-        match Pattern::parse(&self.output.to_string_lossy()) {
-            Some(outputs) => self.all(&of_sequence(input, &outputs)?),
-            None => {
-                self.check(input, &self.output)?;
-                self.one(input, &self.output, "")
-            }
+        if let Some(outputs) = Pattern::parse(&self.output.to_string_lossy()) {
+            return self.all(&of_sequence(input, &outputs)?);
         }
+        self.check(input, &self.output)?;
+        self.one(input, &self.output, "")
     }
 
     /// Several inputs, and their files in a folder.
-    fn into_folder(&self) -> anyhow::Result<Vec<Job>> {
+    fn in_folder(&self) -> anyhow::Result<Vec<Job>> {
         if self.output.exists() && !self.output.is_dir() {
             bail!("several files go into a folder, and {} is a file", self.output.display());
         }

@@ -74,7 +74,7 @@ struct Cli {
 enum Command {
     Render(Box<render::Render>),
     #[cfg(feature = "viewer")]
-    View(view::ViewCommand),
+    View(Box<view::ViewCommand>),
     Reference(Box<reference::Reference>),
     Dataset(Box<dataset::Dataset>),
     Compare(compare::Compare),

@@ -174,7 +174,7 @@ impl DisplayArgs {
             view: self.view_transform.unwrap_or(own.view),
             dither: self.dither.unwrap_or(own.dither),
         };
-        let option = if display.stops != 0.0 { "--stops" } else { "--view-transform" };
+        let option = if display.stops == 0.0 { "--view-transform" } else { "--stops" };
         let changes = display.stops != 0.0 || display.view != ViewTransform::Standard;
         match scene.objects.iter().find(|object| object.is_coloured_by()) {
             Some(object) if changes => bail!(

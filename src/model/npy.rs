@@ -1,7 +1,7 @@
-//! Arrays of NumPy: `.npy` files, versions 1.0 to 3.0, of numbers or of records of numbers.
+//! Arrays of `NumPy`: `.npy` files, versions 1.0 to 3.0, of numbers or of records of numbers.
 //!
 //! The header is the text of a Python dictionary. Crates that read it bring a parser of all of Python's literals; this
-//! one reads what NumPy writes, and nothing else. Arrays of Python objects are refused: they hold programs.
+//! one reads what `NumPy` writes, and nothing else. Arrays of Python objects are refused: they hold programs.
 
 use super::error::{ParseError, quote};
 use super::ply_header::Scalar;
@@ -18,7 +18,7 @@ const DEPTH: usize = 16;
 /// How a number is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Number {
-    /// `b`, `i`, `u`, `f` as NumPy names kinds.
+    /// `b`, `i`, `u`, `f` as `NumPy` names kinds.
     kind: u8,
     size: usize,
     big: bool,
@@ -139,7 +139,7 @@ impl<'a> Array<'a> {
     /// Reads a file.
     ///
     /// # Errors
-    /// The header is not what NumPy writes, or the data are cut short. Data behind the array are left out.
+    /// The header is not what `NumPy` writes, or the data are cut short. Data behind the array are left out.
     pub(super) fn parse(bytes: &'a [u8]) -> Result<Self, ParseError> {
         let cut = || ParseError::byte(bytes.len(), "the end of the file", "the header of an array of NumPy");
         if !bytes.starts_with(MAGIC) {

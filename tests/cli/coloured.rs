@@ -14,8 +14,8 @@ const TINY: &str = "--size 60x40 --backend cpu --mode supersample:4";
 
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    let rows: String = (0..100).map(|i| format!("{},{},0,{i}\n", i % 10, i / 10)).collect();
-    fs::write(dir.path().join("a.csv"), format!("x,y,z,heat\n{rows}")).unwrap();
+    let rows: Vec<String> = (0..100).map(|i| format!("{},{},0,{i}", i % 10, i / 10)).collect();
+    fs::write(dir.path().join("a.csv"), format!("x,y,z,heat\n{}\n", rows.join("\n"))).unwrap();
     fs::write(dir.path().join("map.txt"), "# two colours\n0 0 255\n255 255 0\n").unwrap();
     fs::write(dir.path().join("bad.txt"), "0 0 255\n255 255\n").unwrap();
     dir

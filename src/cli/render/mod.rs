@@ -2,6 +2,7 @@
 
 pub(super) mod blur;
 mod json;
+mod legend;
 mod movie;
 mod nothing;
 mod sequence;
@@ -17,18 +18,18 @@ use clap::{ArgAction, Args, ValueHint};
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
 use splatblur::files;
-use splatblur::film::{Aov, Picture};
-use splatblur::image::{Bits, Format, draw_legends};
-use splatblur::model::ColourBy;
+use splatblur::film::Aov;
+use splatblur::image::{Bits, Format};
 use splatblur::movie::{Movie, MovieKind, MovieShape, Rate};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::plan::LAYERS;
 use splatblur::renderer::{FrameQueue, Renderer};
-use splatblur::scene::{ImageSettings, Scene};
+use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
 use self::blur::Blur;
 use self::json::{FrameReport, Report};
+use self::legend::LegendArgs;
 use self::movie::Sources;
 use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
@@ -102,10 +103,8 @@ pub(super) struct Render {
     /// Make the movie alone, and write no pictures.
     #[arg(long, requires = "movie", conflicts_with = "aov", help_heading = "Output")]
     no_frames: bool,
-    /// Draw what colours stand for into the pictures: a bar of the colours of --colour-by (in scenes: `colourBy`), with
-    /// values beside it, in the lower left corner.
-    #[arg(long, help_heading = "Output")]
-    legend: bool,
+    #[command(flatten)]
+    legend: LegendArgs,
 
     #[command(flatten)]
     blur: Blur,
@@ -155,8 +154,8 @@ impl Render {
             renderer.count_waste();
         }
         options.memory = self.splatting.limit.memory(backend_name, self.running.quiet);
-        let legends = self.legends(&scene)?;
-        let provenance = Provenance::of(&scene, &self.images.scene)?.shown(display).with_legend(self.legend);
+        let legends = self.legend.of(&scene)?;
+        let provenance = Provenance::of(&scene, &self.images.scene)?.shown(display).with_legend(!legends.is_empty());
         let settings = provenance.splatted(&options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
@@ -241,32 +240,6 @@ impl Render {
             });
         }
         if self.running.quiet { Ok(()) } else { print(&self.conclusion(&finished, &movie, seconds)) }
-    }
-
-    /// What the colours of the scene stand for, each once, where they are to be drawn.
-    fn legends(&self, scene: &Scene) -> anyhow::Result<Vec<ColourBy>> {
-        let mut legends: Vec<ColourBy> = Vec::new();
-        if !self.legend {
-            return Ok(legends);
-        }
-        for by in scene.objects.iter().filter_map(|object| object.source.options.points.colour_by.as_ref()) {
-            if !legends.contains(by) {
-                legends.push(by.clone());
-            }
-        }
-        if legends.is_empty() {
-            anyhow::bail!(
-                "--legend is for colours that stand for numbers: name a column with --colour-by, or in the scene with \
-                 `colourBy`"
-            );
-        }
-        let ImageSettings { width, height, .. } = scene.image;
-        let mut empty =
-            Picture { width, height, rgba: vec![[0.0; 4]; width as usize * height as usize], layers: Vec::new() };
-        if !draw_legends(&mut empty, &legends) {
-            anyhow::bail!("--legend has no room in an image of {width} x {height} pixels");
-        }
-        Ok(legends)
     }
 
     /// Says a line, and keeps it for the report.
