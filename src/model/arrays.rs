@@ -1,8 +1,8 @@
 //! Points of arrays: one array of `NumPy`, or several by their names (`.npz`).
 //!
 //! Columns with names are taken as those of tables (`columns`). An array of the archive gives its columns its own name:
-//! `velocity` of three columns is `velocity_x`, `velocity_y` and `velocity_z`. Columns without any name are taken as those of
-//! a text are (`xyz`).
+//! `velocity` of three columns is `velocity_x`, `velocity_y` and `velocity_z`. Columns without any name are taken as
+//! those of a text are (`xyz`).
 
 #[cfg(feature = "formats")]
 use super::archive::Archive;

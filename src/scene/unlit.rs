@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::{Light, Object, Scene};
 use crate::model::Material;
 
-/// Ambient light of a scene that has none, or less: too little to be seen on other objects, and a power of two, so that a
-/// material can undo it without rounding.
+/// Ambient light of a scene that has none, or less: too little to be seen on other objects, and a power of two, so that
+/// a material can undo it without rounding.
 const FAINT: f64 = 1.0 / (1 << 19) as f64;
 /// Largest relative difference of the channels of a grey.
 const GREY: f64 = 1e-6;
