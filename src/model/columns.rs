@@ -342,8 +342,11 @@ impl<'a> Finder<'a> {
 pub(super) fn list(names: &[&str]) -> String {
     const SHOWN: usize = 12;
     let more = names.len().saturating_sub(SHOWN);
-    let shown: Vec<String> =
-        names.iter().take(SHOWN).map(|n| n.chars().take(40).flat_map(char::escape_debug).collect()).collect();
+    let shown = names.iter().take(SHOWN).map(|name| match *name {
+        "" => "(no name)".to_owned(),
+        name => name.chars().take(40).flat_map(char::escape_debug).collect(),
+    });
+    let shown: Vec<String> = shown.collect();
     let tail = if more > 0 { format!(" and {more} more") } else { String::new() };
     format!("{}{tail}", shown.join(", "))
 }

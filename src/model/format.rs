@@ -84,7 +84,7 @@ impl ModelFormat {
                 _ if ends_in("sog") => Some(Self::Sog),
                 Some(xyz::TextKind::Xyz) => Some(Self::Xyz),
                 Some(xyz::TextKind::Pts) => Some(Self::Pts),
-                None if ends_in("xyz") => Some(Self::Xyz),
+                None if ends_in("xyz") || ends_in("csv") => Some(Self::Xyz),
                 None if ends_in("pts") => Some(Self::Pts),
                 None => None,
             }

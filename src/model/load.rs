@@ -8,10 +8,14 @@ use glam::Vec3;
 use super::bin_stream::Fault;
 use super::capture::{self, Gaussians};
 use super::cloud::{Cloud, ColourStorage};
+#[cfg(not(feature = "formats"))]
+use super::colour_by::ColourBy;
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
 use super::format::ModelFormat;
 use super::mesh::{self, Fineness, Mesh, Sampled, Unsampled};
+#[cfg(feature = "formats")]
+use super::npz::parse as parse_npz;
 use super::options::{ColourSpace, Kind, LoadOptions, LoadProgress, MeshOptions, PointOptions, Spacing};
 use super::surfels::{KeptLevels, Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
@@ -424,6 +428,12 @@ fn of_samples(mesh: Arc<Mesh>, sampled: Sampled, options: MeshOptions, radius_sc
     LoadedModel { shape: LoadedShape::Surfels(surfels, Some(mesh)), notes, colour_range: None }
 }
 
+/// Refuses an archive of arrays: what unpacks it is not part of this program.
+#[cfg(not(feature = "formats"))]
+fn parse_npz(_: &[u8], _: Option<&ColourBy>, _: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+    Err(capture::needs_formats("an .npz archive"))
+}
+
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
 fn most_kernels(size: u64) -> u64 {
     FREE_KERNELS.saturating_add(MOST_KERNELS_A_BYTE.saturating_mul(size))
@@ -531,7 +541,7 @@ fn read(
         ModelFormat::Bin => ModelContent::Surfels(bin::parse(bytes)?),
         ModelFormat::Nrrd => ModelContent::Grid(volume::parse_nrrd(bytes, progress)?),
         ModelFormat::Npy => ModelContent::Cloud(arrays::parse_npy(bytes, by, progress)?),
-        ModelFormat::Npz => ModelContent::Cloud(arrays::parse_npz(bytes, by, progress)?),
+        ModelFormat::Npz => ModelContent::Cloud(parse_npz(bytes, by, progress)?),
         ModelFormat::Las => ModelContent::Cloud(scan::parse_las(bytes, points, progress)?),
         ModelFormat::E57 => ModelContent::Cloud(scan::parse_e57(bytes, points, progress)?),
     };

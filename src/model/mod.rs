@@ -33,6 +33,8 @@ mod neighbours;
 mod normalisation;
 mod normals;
 mod npy;
+#[cfg(feature = "formats")]
+mod npz;
 mod obj;
 mod options;
 mod order;

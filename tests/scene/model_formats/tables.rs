@@ -9,7 +9,7 @@ use splatblur::model::{
     load,
 };
 
-use super::support::{cloud, refused};
+use super::support::{cloud, load_as, refused};
 
 fn data(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/tables").join(name)
@@ -109,6 +109,14 @@ fn wrong_tables_are_refused() {
     for length in 0..whole.len() {
         refused(&whole[..length], ModelFormat::Npy);
     }
+    // What is called a table is told what is wrong with it.
+    let named = |text: &str| load_as("a.csv", text.as_bytes()).unwrap_err().to_string();
+    assert!(named("x;y;z\n1,5;2,0;3\n").ends_with("a.csv: line 2: found `1,5`, expected a number (`x`)"));
+    assert!(named("a,b,c\n1,2,3\n").ends_with("names of columns without x (a, b, c), expected x, y and z among them"));
+    assert!(named("x,y,z\n").contains("a.csv: line 1: found no point after the names of the columns"));
+    assert!(
+        cloud(&read("pandas_index.csv"), ModelFormat::Xyz).notes[1].starts_with("columns ignored: (no name), name,")
+    );
 }
 
 /// A damaged archive is refused wherever its damage is, or read to what it holds.
