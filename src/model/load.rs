@@ -188,7 +188,15 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: LoadProgress<'_
             let made = volume::of_grid(&grid, &options.volume, options.radius_scale, most_kernels(size), progress);
             return of_volume(made, path).map(ready);
         }
-        (ModelContent::Cloud(cloud), kind) if kind == Some(Kind::Volume) || kind.is_none() && is_volume(&cloud) => {
+        (ModelContent::Cloud(_), Some(Kind::Volume)) if options.points.colour_by.is_some() => {
+            let why = ParseError::byte(0, "points as a volume", "surfels or spheres, as `colourBy` is given");
+            return Err(ModelError::Invalid { path: owned(), why });
+        }
+        // Points that are coloured by a column are no medium.
+        (ModelContent::Cloud(cloud), kind)
+            if kind == Some(Kind::Volume)
+                || kind.is_none() && is_volume(&cloud) && options.points.colour_by.is_none() =>
+        {
             let linear = options.colour_space.map(|space| space == ColourSpace::Linear);
             let moves = !(cloud.velocity.is_empty() && cloud.acceleration.is_empty());
             let samples = Samples::from_cloud(tidy::tidy(cloud), linear);
@@ -309,7 +317,7 @@ fn completed(
     progress: LoadProgress<'_>,
 ) -> Result<LoadedModel, ModelError> {
     let mut notes = std::mem::take(&mut cloud.notes);
-    if !cloud.density.is_empty() {
+    if !cloud.density.is_empty() && options.points.colour_by.is_none() {
         notes.push("`density` ignored: it is for the kind `volume`".to_owned());
     }
     let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };

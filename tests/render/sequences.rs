@@ -391,6 +391,12 @@ fn nearest_points_are_the_same() {
     for frame in [1, 2, 3] {
         assert_eq!(render(&matched, frame, &options).rgba, render(&truth, frame, &options).rgba, "frame {frame}");
     }
+    let (of_ids, _) = scene_of(&by_id, "match='0.19'");
+    let notes =
+        splatblur::scene_file::load(&of_ids.path().join("s.xml"), &splatblur::scene_file::SceneLoadOptions::default())
+            .unwrap()
+            .notes;
+    assert!(notes.iter().any(|note| note.ends_with("points are matched by their `id`")), "{notes:?}");
     // What is farther apart is not the same: all are born and die at rest.
     let (_c, apart) = scene_of(&without, "match='0.1'");
     let moves = rms(&render(&truth, 2, &options), &render(&apart, 2, &options));

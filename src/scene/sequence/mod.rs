@@ -126,6 +126,9 @@ impl Sequence {
                 opened.notes = notes;
             }
             sequence.bounds.merge(&file.model.bounds());
+            if number == first && !file.rows && sequence.spec.match_within.is_some() {
+                opened.notes.push("`match` means nothing here: points are matched by their `id`".to_owned());
+            }
             let unsure = file.model.surfels().velocity.is_empty() || sequence.spec.match_within.is_some();
             if number == first && first < last && file.rows && unsure {
                 let (next, _) = sequence.files.read(first + 1)?;

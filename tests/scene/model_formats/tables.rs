@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 use splatblur::model::{
-    Cloud, ColourBy, ColourMap, LoadOptions, LoadedModel, LoadedShape, ModelError, ModelFormat, PointOptions, Surfels,
-    load,
+    Cloud, ColourBy, ColourMap, Kind, LoadOptions, LoadedModel, LoadedShape, ModelError, ModelFormat, PointOptions,
+    Surfels, load,
 };
 
 use super::support::{cloud, load_as, refused};
@@ -185,6 +185,24 @@ fn every_format_is_coloured_by_its_columns() {
     assert!(why.contains("found no column \"presure\" to colour by, expected x, y, z, name, vx,"), "{why}");
     let why = coloured(&data("places.npy"), "speed", None).unwrap_err().to_string();
     assert!(why.ends_with("expected one of this name, or velocities (vx, vy and vz)"), "{why}");
+}
+
+/// Points that would be a volume are drawn as points where a column colours them.
+#[test]
+fn a_medium_has_no_colours_of_columns() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.csv");
+    fs::write(&path, "x,y,z,radius,density\n0,0,0,1,1\n1,0,0,1,3\n0,1,0,1,2\n").unwrap();
+    let (surfels, range) = coloured(&path, "density", None).unwrap();
+    assert_eq!((surfels.len(), range), (3, [1.0, 3.0]));
+    assert_eq!(surfels.colour[1], Vec3::ONE);
+    let points = PointOptions {
+        colour_by: Some(ColourBy { column: "z".to_owned(), ..ColourBy::default() }),
+        ..PointOptions::default()
+    };
+    let options = LoadOptions { kind: Some(Kind::Volume), points, ..LoadOptions::default() };
+    let why = load(&path, &options, &|_, _| {}).unwrap_err().to_string();
+    assert!(why.ends_with("found points as a volume, expected surfels or spheres, as `colourBy` is given"), "{why}");
 }
 
 #[test]
