@@ -124,9 +124,11 @@ fn content_shows_the_format_before_the_name() {
     // Names of columns show it, too, where the next line is a point of as many words.
     assert_eq!(detect("name,x,y,z\nfirst,1,2,3\n", "a.csv"), Some(ModelFormat::Xyz));
     assert_eq!(detect("// X Y Z\n1 2 3\n", "a.csv"), Some(ModelFormat::Xyz));
-    assert_eq!(detect("x y z\none two three\n", "a.csv"), None);
-    assert_eq!(detect("x y z\n1 2 3 4\n", "a.csv"), None);
-    assert_eq!(detect("# x y z w\nv 1 2 3\n", "a.csv"), None);
+    assert_eq!(detect("x y z\none two three\n", "a.dat"), None);
+    assert_eq!(detect("x y z\n1 2 3 4\n", "a.dat"), None);
+    assert_eq!(detect("# x y z w\nv 1 2 3\n", "a.dat"), None);
+    // A file that is called a table is read as one, so that its error says what is wrong.
+    assert_eq!(detect("x y z\none two three\n", "a.csv"), Some(ModelFormat::Xyz));
     assert_eq!(detect("", "a.pts"), Some(ModelFormat::Pts));
     assert_eq!(detect("v 1 2 3\n", "a.obj"), Some(ModelFormat::Obj));
     assert_eq!(detect("ply\n", "a.xyz"), Some(ModelFormat::Ply));
